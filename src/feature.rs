@@ -1,0 +1,1 @@
+//! Depth-difference features (eq. 4) and the matrix of their values.
