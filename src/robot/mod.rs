@@ -1,13 +1,13 @@
 //! The robot: links, joints, meshes, forward kinematics. Knows nothing of cameras or forests.
 
-use nalgebra::{Isometry3, Unit, Vector3};
+mod mesh;
+pub mod solids;
+mod urdf;
 
-/// A triangle mesh, metres. Triangles are counter-clockwise seen from outside.
-#[derive(Debug, Clone, Default, PartialEq)]
-pub struct Mesh {
-    pub vertices: Vec<[f32; 3]>,
-    pub triangles: Vec<[u32; 3]>,
-}
+pub use mesh::Mesh;
+pub use urdf::{RobotError, UrdfProblem};
+
+use nalgebra::{Isometry3, Translation3, Unit, UnitQuaternion, Vector3};
 
 #[derive(Debug, Clone)]
 pub struct Link {
@@ -28,7 +28,8 @@ pub enum Motion {
 /// The joint follows another one: `value = multiplier * leader + offset`.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Mimic {
-    /// Index of the leading joint in a configuration.
+    /// Index of the leading joint in a configuration. A leader never mimics: where a URDF has a
+    /// joint follow a follower, the chain is resolved when it is read.
     pub leader: usize,
     pub multiplier: f64,
     pub offset: f64,
@@ -51,6 +52,17 @@ pub struct Joint {
     pub dof: Option<usize>,
 }
 
+impl Joint {
+    /// `parent_from_child` at the given joint value (rad or m; without meaning for a fixed joint).
+    pub fn parent_from_child(&self, value: f64) -> Isometry3<f64> {
+        match self.motion {
+            Motion::Fixed => self.origin,
+            Motion::Revolute(axis) => self.origin * UnitQuaternion::from_axis_angle(&axis, value),
+            Motion::Prismatic(axis) => self.origin * Translation3::from(axis.into_inner() * value),
+        }
+    }
+}
+
 /// A tree of links. A *configuration* is a slice with one value for each joint that is not fixed,
 /// in the order in which the URDF lists them, joints that mimic another included.
 #[derive(Debug, Clone)]
@@ -60,4 +72,66 @@ pub struct Robot {
     pub links: Vec<Link>,
     /// Parents before children.
     pub joints: Vec<Joint>,
+}
+
+impl Robot {
+    /// The length of a configuration.
+    pub fn dofs(&self) -> usize {
+        self.joints.iter().filter(|j| j.dof.is_some()).count()
+    }
+
+    /// Where the value of the joint `name` stands in a configuration; `None` when there is no such
+    /// joint or it is fixed.
+    pub fn dof(&self, name: &str) -> Option<usize> {
+        self.joints.iter().find(|j| j.name == name)?.dof
+    }
+
+    /// The joints that are not fixed, in the order of a configuration.
+    pub fn dof_joints(&self) -> impl Iterator<Item = &Joint> {
+        let mut joints: Vec<&Joint> = self.joints.iter().filter(|j| j.dof.is_some()).collect();
+        joints.sort_by_key(|j| j.dof);
+        joints.into_iter()
+    }
+
+    /// The index of the link `name`.
+    pub fn link(&self, name: &str) -> Option<usize> {
+        self.links.iter().position(|l| l.name == name)
+    }
+
+    /// The index of the one link that is nobody's child.
+    pub fn root(&self) -> usize {
+        self.joints.first().map_or(0, |joint| joint.parent)
+    }
+
+    /// `root_from_link` for each link, in link order. `q` is taken as it is: neither limits nor
+    /// mimics are enforced. Panics when `q` is not a configuration of this robot.
+    pub fn forward_kinematics(&self, q: &[f64]) -> Vec<Isometry3<f64>> {
+        assert_eq!(q.len(), self.dofs(), "one value for each joint that moves");
+        let mut poses = vec![Isometry3::identity(); self.links.len()];
+        for joint in &self.joints {
+            let value = joint.dof.map_or(0.0, |dof| q[dof]);
+            poses[joint.child] = poses[joint.parent] * joint.parent_from_child(value);
+        }
+        poses
+    }
+
+    /// Sets every joint that mimics another to what its leader demands.
+    pub fn apply_mimics(&self, q: &mut [f64]) {
+        for joint in &self.joints {
+            if let (Some(dof), Some(mimic)) = (joint.dof, joint.mimic) {
+                q[dof] = mimic.multiplier * q[mimic.leader] + mimic.offset;
+            }
+        }
+    }
+
+    /// `link` and all links below it, parents before children.
+    pub fn descendants(&self, link: usize) -> Vec<usize> {
+        let mut below = vec![link];
+        for joint in &self.joints {
+            if below.contains(&joint.parent) {
+                below.push(joint.child);
+            }
+        }
+        below
+    }
 }
