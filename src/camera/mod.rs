@@ -1,8 +1,24 @@
 //! The depth camera: images, intrinsics, rasteriser, projector shadow, disparity filter, noise.
+//!
+//! A [`Camera`] is read from a preset; a [`Photographer`] draws bodies and photographs them with it.
+//! The sensor follows BlenSor (Gschwandtner et al. 2011) and render_kinect (Bohg 2014), the
+//! simulator that the paper's images most likely come from (section IV-A).
+
+mod dots;
+mod filter;
+mod noise;
+mod photographer;
+pub mod png;
+mod rasteriser;
+
+pub use noise::{Gaussian, Noise, Perlin};
+pub use photographer::{Drawing, Photo, Photographer};
 
 use crate::robot::Mesh;
+use crate::strict_toml::{self, TomlError};
 use nalgebra::Isometry3;
 use serde::{Deserialize, Serialize};
+use std::path::{Path, PathBuf};
 
 /// A dense image, row by row from the top left.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -33,7 +49,126 @@ pub struct Intrinsics {
 /// Something to be drawn.
 #[derive(Debug, Clone, Copy)]
 pub struct Body<'a> {
+    /// Closed, or only its front is seen.
     pub mesh: &'a Mesh,
     pub camera_from_mesh: Isometry3<f64>,
     pub label: u8,
 }
+
+/// A depth camera. Without a projector it measures depth exactly, but for rounding to millimetres.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Camera {
+    pub intrinsics: Intrinsics,
+    pub range: Range,
+    pub projector: Option<Projector>,
+}
+
+/// The depths that the camera reports; all others are invalid.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Range {
+    pub near_m: f64,
+    pub far_m: f64,
+}
+
+/// The projector of a structured-light camera, beside it on its x axis (image right), so that
+/// shadows fall on the left of near things.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Projector {
+    /// Distance from the camera.
+    pub baseline_m: f64,
+    /// Disparities are multiples of this.
+    pub disparity_step_px: f64,
+    /// Added to the disparity of each dot before it is rounded again.
+    pub noise: Option<Noise>,
+}
+
+/// A camera preset that cannot be used.
+#[derive(Debug, thiserror::Error)]
+pub enum CameraError {
+    #[error(transparent)]
+    Toml(#[from] TomlError),
+    #[error("{path}: {message}", path = path.display())]
+    Invalid { path: PathBuf, message: String },
+}
+
+impl Camera {
+    /// Reads a preset such as `data/cameras/realistic.toml`.
+    pub fn read(path: &Path) -> Result<Camera, CameraError> {
+        let camera: Camera = strict_toml::read(path)?;
+        match camera.mistake() {
+            None => Ok(camera),
+            Some(message) => Err(CameraError::Invalid {
+                path: path.to_owned(),
+                message,
+            }),
+        }
+    }
+
+    /// What makes the numbers unusable, as a sentence. (Comparisons are written so that a NaN
+    /// fails them.)
+    fn mistake(&self) -> Option<String> {
+        let positive = |x: f64| x > 0.0 && x.is_finite();
+        let Camera {
+            intrinsics: i,
+            range,
+            projector,
+        } = self;
+        if !((1..=MAX_SIDE).contains(&i.width) && (1..=MAX_SIDE).contains(&i.height)) {
+            return Some(format!(
+                "intrinsics: an image of {} x {} pixels; each side must be 1 to {MAX_SIDE}",
+                i.width, i.height
+            ));
+        }
+        if !(positive(i.fx) && positive(i.fy) && i.cx.is_finite() && i.cy.is_finite()) {
+            return Some("intrinsics: fx and fy must be positive, cx and cy finite".into());
+        }
+        if !(range.near_m >= rasteriser::NEAR_PLANE && range.near_m < range.far_m) {
+            return Some(format!(
+                "range: near_m = {} must be at least {} and less than far_m = {}",
+                range.near_m,
+                rasteriser::NEAR_PLANE,
+                range.far_m
+            ));
+        }
+        if !(range.far_m <= MAX_DEPTH_M) {
+            return Some(format!(
+                "range: far_m = {} must be at most {MAX_DEPTH_M}, since depth is stored as 16-bit mm",
+                range.far_m
+            ));
+        }
+        let projector = projector.as_ref()?;
+        if !(positive(projector.baseline_m) && positive(projector.disparity_step_px)) {
+            return Some("projector: baseline_m and disparity_step_px must be positive".into());
+        }
+        let steps = i.fx * projector.baseline_m / range.near_m / projector.disparity_step_px;
+        if !(steps < MAX_DISPARITY_STEPS) {
+            return Some(format!(
+                "projector: the disparity at near_m is {steps:.0} steps of disparity_step_px; \
+                 it must be less than {MAX_DISPARITY_STEPS}"
+            ));
+        }
+        let not_negative = |x: f64| x >= 0.0 && x.is_finite();
+        let fine = match projector.noise {
+            None => true,
+            Some(Noise::Gaussian(gaussian)) => not_negative(gaussian.sd_px),
+            Some(Noise::Perlin(perlin)) => {
+                not_negative(perlin.sd_px)
+                    && positive(perlin.cell_px)
+                    && positive(perlin.persistence)
+                    && (1..=16).contains(&perlin.octaves)
+            }
+        };
+        (!fine).then(|| {
+            "projector.noise: sd_px must not be negative, cell_px and persistence must be positive, \
+             octaves 1 to 16"
+                .into()
+        })
+    }
+}
+
+const MAX_SIDE: usize = 8192;
+const MAX_DEPTH_M: f64 = 65.0;
+const MAX_DISPARITY_STEPS: f64 = 60_000.0;
