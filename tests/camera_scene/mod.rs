@@ -23,10 +23,6 @@ pub fn bodies(things: &[Thing]) -> Vec<Body<'_>> {
         .collect()
 }
 
-pub fn at(x: f64, y: f64, z: f64) -> Isometry3<f64> {
-    Isometry3::translation(x, y, z)
-}
-
 /// A box around the origin; sizes are full lengths. With `inwards` it is seen from inside: a room.
 pub fn cuboid(size: [f32; 3], inwards: bool) -> Mesh {
     let corner =
