@@ -1,1 +1,27 @@
-//! (being built)
+//! Studies of the paper: what they ask for, running and caching their work, and what came out.
+//!
+//! # Adding a study
+//! Write `experiments/<id>.toml`; its parts are those of [`study`]. If no kind fits, write a new one
+//! in `studies/<kind>.rs`: a `Parameters` struct (serde, `deny_unknown_fields`), a struct for what
+//! the tests of claims need, a type that implements [`study::Study`], and a function
+//! `define(Specification<Parameters, Test>) -> Result<Box<dyn Study>>`. Then add one line to
+//! [`kinds`].
+//!
+//! # Adding a task
+//! Implement [`task::Task`] in `tasks/<name>.rs`. The runner hands it the folders of its inputs and an
+//! empty folder to write into; [`cache`] does the rest. When the code changes what comes out, raise
+//! the version in its [`task::Stage`].
+
+pub mod cache;
+pub mod claims;
+pub mod figure;
+pub mod recipe;
+pub mod statistics;
+pub mod study;
+pub mod table;
+pub mod task;
+
+/// Every kind of study.
+pub fn kinds() -> Vec<study::Kind> {
+    Vec::new()
+}
