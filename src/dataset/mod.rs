@@ -1,1 +1,329 @@
-//! (being built)
+//! Data sets: depth images with labels and joint values, in files that need no library of ours.
+//!
+//! ```text
+//! depth/000000.png   16-bit grey, z-depth in mm, 0 = invalid
+//! label/000000.png   8-bit grey, 0 = background, else 1 + link index, for links of the arms
+//! joints.csv         image, then every joint in rad or m, the target arm's pose y first
+//! camera.json        intrinsics, and the camera's pose in the robot's root frame
+//! set.json           specification, seed, meaning of labels, pixel counts, hashes of all files
+//! ```
+//!
+//! [`SetSpec::read`] -> [`generate`] -> [`DataSet::open`] -> [`DataSet::frame`].
+
+mod generate;
+mod record;
+mod sampling;
+mod sheet;
+mod spec;
+
+pub use generate::generate;
+pub use record::{ArmRecord, CameraRecord, FORMAT, ImageRecord, LabelRecord, SetRecord};
+pub use sampling::{Pixel, draw_pixels, folds, sample_pixels};
+pub use sheet::{SheetStyle, contact_sheet};
+pub use spec::{SetSpec, VisibilitySpec};
+
+use crate::camera::png::{PngError, read_depth, read_labels};
+use crate::camera::{CameraError, DepthImage, LabelImage};
+use crate::robot::Robot;
+use crate::scene::SceneError;
+use crate::strict_toml::TomlError;
+use nalgebra::{Isometry3, Matrix4};
+use std::path::{Path, PathBuf};
+
+/// Why a data set cannot be made or read.
+#[derive(Debug, thiserror::Error)]
+pub enum DataSetError {
+    #[error(transparent)]
+    Toml(#[from] TomlError),
+    #[error(transparent)]
+    Scene(#[from] SceneError),
+    #[error(transparent)]
+    Camera(#[from] CameraError),
+    #[error(transparent)]
+    Png(#[from] PngError),
+    #[error("data set \"{set}\": {message}")]
+    Spec { set: String, message: String },
+    #[error(
+        "data set \"{set}\": none of {tries} frames drawn for image {image} shows enough of the \
+         robot without collision; widen the poses, ask for fewer pixels or move the camera"
+    )]
+    NoFrame {
+        set: String,
+        image: usize,
+        tries: usize,
+    },
+    #[error("{path} is not empty; a data set needs a folder of its own", path = path.display())]
+    NotEmpty { path: PathBuf },
+    #[error("cannot write {path}: {source}", path = path.display())]
+    Write {
+        path: PathBuf,
+        source: std::io::Error,
+    },
+    #[error("cannot read {path}: {source}", path = path.display())]
+    Read {
+        path: PathBuf,
+        source: std::io::Error,
+    },
+    #[error(
+        "{path} is not a complete data set: it has no {file}; generate it again",
+        path = path.display()
+    )]
+    Missing { path: PathBuf, file: String },
+    #[error("{path}: {message}", path = path.display())]
+    Invalid { path: PathBuf, message: String },
+    #[error("an image without {what} pixels cannot be sampled")]
+    NoPixels { what: &'static str },
+}
+
+/// A data set on disk. Images are read when they are asked for.
+#[derive(Debug, Clone)]
+pub struct DataSet {
+    folder: PathBuf,
+    record: SetRecord,
+    camera: CameraRecord,
+    camera_from_root: Isometry3<f64>,
+    target: usize,
+    /// The names of the columns of joints.csv, the target's pose y first.
+    joints: Vec<String>,
+    /// One row for each image.
+    values: Vec<Vec<f64>>,
+}
+
+/// One image of a data set.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Frame {
+    pub depth: DepthImage,
+    pub labels: LabelImage,
+    /// The target arm's pose y, rad (m for joints that slide).
+    pub joints: Vec<f64>,
+}
+
+impl DataSet {
+    /// Opens a data set: reads everything but the images, of which it checks that all are there and
+    /// that the first can be used. [`DataSet::verify`] checks every byte.
+    pub fn open(folder: &Path) -> Result<Self, DataSetError> {
+        for file in ["set.json", "camera.json", "joints.csv"] {
+            if !folder.join(file).is_file() {
+                return Err(missing(folder, file));
+            }
+        }
+        let path = folder.join("set.json");
+        let invalid = |file: &str, message: String| DataSetError::Invalid {
+            path: folder.join(file),
+            message,
+        };
+        // The version first: the rest of a file of another version may look different.
+        let version: serde_json::Value = record::read_json(&path)?;
+        match version.get("format").and_then(|f| f.as_u64()) {
+            Some(v) if v == u64::from(FORMAT) => {}
+            Some(v) => {
+                let message = format!(
+                    "the data set has format {v}, but this program reads format {FORMAT}; generate it again"
+                );
+                return Err(invalid("set.json", message));
+            }
+            None => {
+                return Err(invalid(
+                    "set.json",
+                    "this is no data set of armpose: it has no \"format\"".to_owned(),
+                ));
+            }
+        }
+        let record: SetRecord = record::read_json(&path)?;
+        let camera: CameraRecord = record::read_json(&folder.join("camera.json"))?;
+        let camera_from_root = isometry(&camera.camera_from_root).ok_or_else(|| {
+            invalid(
+                "camera.json",
+                "camera_from_root is no rigid motion".to_owned(),
+            )
+        })?;
+        let target = record
+            .arms
+            .iter()
+            .position(|a| a.name == record.specification.target);
+        let target = target.ok_or_else(|| {
+            let target = &record.specification.target;
+            invalid(
+                "set.json",
+                format!("the target \"{target}\" is none of the arms"),
+            )
+        })?;
+        let (joints, values) = read_joints(&folder.join("joints.csv"))?;
+        if values.is_empty() || values.len() != record.images.len() {
+            let (rows, images) = (values.len(), record.images.len());
+            let message = format!("{rows} images, but set.json tells of {images}");
+            return Err(invalid("joints.csv", message));
+        }
+        if !joints.starts_with(&record.arms[target].joints) {
+            let message = "the columns do not start with the pose of the target arm".to_owned();
+            return Err(invalid("joints.csv", message));
+        }
+        for image in 0..values.len() {
+            for file in [depth_file(image), label_file(image)] {
+                if !folder.join(&file).is_file() {
+                    return Err(missing(folder, &file));
+                }
+            }
+        }
+        let folder = folder.to_owned();
+        let set = DataSet {
+            folder,
+            record,
+            camera,
+            camera_from_root,
+            target,
+            joints,
+            values,
+        };
+        set.frame(0)?;
+        Ok(set)
+    }
+
+    /// The number of images, at least 1.
+    #[allow(clippy::len_without_is_empty)]
+    pub fn len(&self) -> usize {
+        self.values.len()
+    }
+
+    pub fn folder(&self) -> &Path {
+        &self.folder
+    }
+
+    pub fn record(&self) -> &SetRecord {
+        &self.record
+    }
+
+    pub fn camera(&self) -> &CameraRecord {
+        &self.camera
+    }
+
+    /// The pose of the robot's root in the camera's optical frame, the same for all images.
+    pub fn camera_from_root(&self) -> &Isometry3<f64> {
+        &self.camera_from_root
+    }
+
+    /// Index of the target arm in [`SetRecord::arms`].
+    pub fn target(&self) -> usize {
+        self.target
+    }
+
+    /// The names of the joints of the target's pose y, in order.
+    pub fn target_joints(&self) -> &[String] {
+        &self.record.arms[self.target].joints
+    }
+
+    /// The target's pose y in an image. Panics when there is no such image.
+    pub fn pose(&self, image: usize) -> &[f64] {
+        &self.values[image][..self.target_joints().len()]
+    }
+
+    /// The configuration of the whole robot in an image, from the names of the joints. Panics when
+    /// there is no such image.
+    pub fn configuration(&self, image: usize, robot: &Robot) -> Result<Vec<f64>, DataSetError> {
+        let value = |joint: &crate::robot::Joint| {
+            let column = self.joints.iter().position(|name| *name == joint.name);
+            column
+                .map(|c| self.values[image][c])
+                .ok_or_else(|| DataSetError::Invalid {
+                    path: self.folder.join("joints.csv"),
+                    message: format!(
+                        "it has no joint \"{}\" of robot \"{}\"",
+                        joint.name, robot.name
+                    ),
+                })
+        };
+        robot.dof_joints().map(value).collect()
+    }
+
+    /// For each of the 256 labels, the arm that it belongs to, as an index into [`SetRecord::arms`].
+    pub fn arm_of_label(&self) -> [Option<usize>; 256] {
+        let mut table = [None; 256];
+        for entry in &self.record.labels {
+            let arm = self.record.arms.iter().position(|a| a.name == entry.arm);
+            table[usize::from(entry.label)] = arm;
+        }
+        table
+    }
+
+    /// Reads an image. Panics when there is no such image.
+    pub fn frame(&self, image: usize) -> Result<Frame, DataSetError> {
+        let intrinsics = &self.camera.intrinsics;
+        Ok(Frame {
+            depth: read_depth(&self.folder.join(depth_file(image)), intrinsics)?,
+            labels: read_labels(&self.folder.join(label_file(image)), intrinsics)?,
+            joints: self.pose(image).to_vec(),
+        })
+    }
+
+    /// Reads every file and compares its hash with the one in `set.json`.
+    pub fn verify(&self) -> Result<(), DataSetError> {
+        for (file, expected) in &self.record.files {
+            let path = self.folder.join(file);
+            if record::hash(&path)? != *expected {
+                let message = "the file was altered after the data set was made".to_owned();
+                return Err(DataSetError::Invalid { path, message });
+            }
+        }
+        Ok(())
+    }
+}
+
+fn missing(folder: &Path, file: &str) -> DataSetError {
+    DataSetError::Missing {
+        path: folder.to_owned(),
+        file: file.to_owned(),
+    }
+}
+
+fn depth_file(image: usize) -> String {
+    format!("depth/{image:06}.png")
+}
+
+fn label_file(image: usize) -> String {
+    format!("label/{image:06}.png")
+}
+
+/// The rigid motion with these rows, `None` if it is none.
+fn isometry(rows: &[[f64; 4]; 4]) -> Option<Isometry3<f64>> {
+    let matrix = Matrix4::from_fn(|row, column| rows[row][column]);
+    nalgebra::try_convert(matrix)
+}
+
+/// Reads joints.csv: the names of the joints without their units, and a row for each image.
+fn read_joints(path: &Path) -> Result<(Vec<String>, Vec<Vec<f64>>), DataSetError> {
+    let invalid = |message: String| DataSetError::Invalid {
+        path: path.to_owned(),
+        message,
+    };
+    let mut reader = csv::Reader::from_path(path).map_err(|e| invalid(e.to_string()))?;
+    let header = reader.headers().map_err(|e| invalid(e.to_string()))?;
+    let name = |column: &str| {
+        let name = column.strip_suffix("_rad").or(column.strip_suffix("_m"));
+        name.map(str::to_owned).ok_or_else(|| {
+            invalid(format!(
+                "column \"{column}\" does not end with its unit, _rad or _m"
+            ))
+        })
+    };
+    let joints = header
+        .iter()
+        .skip(1)
+        .map(name)
+        .collect::<Result<Vec<_>, _>>()?;
+    let mut values = Vec::new();
+    for (image, row) in reader.records().enumerate() {
+        let row = row.map_err(|e| invalid(e.to_string()))?;
+        let number = |text: &str| text.parse().ok().filter(|x: &f64| x.is_finite());
+        let row: Option<Vec<f64>> = row.iter().map(number).collect();
+        match row.as_deref() {
+            Some([number, rest @ ..]) if *number == image as f64 => values.push(rest.to_vec()),
+            _ => {
+                return Err(invalid(format!(
+                    "row {} is not image {image} and its finite joint values",
+                    image + 1
+                )));
+            }
+        }
+    }
+    Ok((joints, values))
+}

@@ -1,1 +1,57 @@
-//! (being built)
+//! What stands before the camera: the robot in a random pose, in a random furnished room.
+
+mod collision;
+mod furniture;
+mod oriented_box;
+mod pose;
+mod rig;
+mod room;
+
+pub use collision::SelfCollision;
+pub use oriented_box::OrientedBox;
+pub use pose::{PoseSampler, PoseSpec};
+pub use rig::{Arm, Rig};
+pub use room::{FurnitureSpec, RoomSpec, furnish};
+
+use crate::camera::Body;
+use crate::robot::{Mesh, RobotError};
+use crate::strict_toml::TomlError;
+use nalgebra::Isometry3;
+use std::path::PathBuf;
+
+/// Why a robot cannot be put before a camera.
+#[derive(Debug, thiserror::Error)]
+pub enum SceneError {
+    #[error(transparent)]
+    Toml(#[from] TomlError),
+    #[error(transparent)]
+    Robot(#[from] RobotError),
+    #[error("{path}: {message}", path = path.display())]
+    Rig { path: PathBuf, message: String },
+    #[error("joint \"{joint}\": {message}")]
+    Pose { joint: String, message: String },
+}
+
+/// The links of a posed robot, as the camera draws them: labels as [`Rig::label`] says.
+/// `root_from_link` is what forward kinematics gives.
+pub fn robot_bodies<'a>(rig: &'a Rig, root_from_link: &[Isometry3<f64>]) -> Vec<Body<'a>> {
+    let camera_from_root = rig.camera_from_root(root_from_link);
+    let links = rig.robot.links.iter().zip(root_from_link).enumerate();
+    links
+        .filter(|(_, (link, _))| !link.mesh.is_empty())
+        .map(|(index, (link, root_from_link))| Body {
+            mesh: &link.mesh,
+            camera_from_mesh: camera_from_root * root_from_link,
+            label: rig.label(index),
+        })
+        .collect()
+}
+
+/// The room with its furniture as the camera draws it; `mesh` comes from [`furnish`].
+pub fn room_body<'a>(mesh: &'a Mesh, camera_from_root: &Isometry3<f64>) -> Body<'a> {
+    Body {
+        mesh,
+        camera_from_mesh: *camera_from_root,
+        label: 0,
+    }
+}

@@ -1,0 +1,227 @@
+//! Draws the images of a data set and writes them.
+
+use super::record::{CameraRecord, ImageRecord, SetRecord, hash, write_json};
+use super::{DataSet, DataSetError, SetSpec, depth_file, label_file};
+use crate::Progress;
+use crate::camera::png::{write_depth, write_labels};
+use crate::camera::{Camera, Photo, Photographer};
+use crate::random::{Stream, stream};
+use crate::robot::{Motion, Robot};
+use crate::scene::{PoseSampler, Rig, SelfCollision, furnish, robot_bodies, room_body};
+use nalgebra::Isometry3;
+use rayon::prelude::*;
+use std::collections::BTreeMap;
+use std::path::Path;
+
+/// So many frames are drawn for an image before its specification is given up.
+const TRIES: usize = 20_000;
+
+/// Draws a data set into `folder`, which must be empty or not exist yet. Images are independent of
+/// each other: the same whatever their number and the number of threads. `progress` counts images.
+pub fn generate(
+    spec: &SetSpec,
+    seed: u64,
+    folder: &Path,
+    progress: Progress,
+) -> Result<DataSet, DataSetError> {
+    let studio = Studio::new(spec)?;
+    let write_error = |path: &Path| {
+        let path = path.to_owned();
+        move |source| DataSetError::Write { path, source }
+    };
+    for part in ["", "depth", "label"] {
+        let part = folder.join(part);
+        std::fs::create_dir_all(&part).map_err(write_error(&part))?;
+        let mut entries = part.read_dir().map_err(write_error(&part))?;
+        if entries.next().is_some() {
+            return Err(DataSetError::NotEmpty { path: part });
+        }
+    }
+    let draw = |photographer: &mut Photographer, image: usize| {
+        let mut stream = stream(seed, &format!("frames of {}", spec.name), &[image as u64]);
+        let shot = studio.shoot(image, photographer, &mut stream)?;
+        let (depth, label) = (depth_file(image), label_file(image));
+        write_depth(&folder.join(&depth), &shot.photo.depth)?;
+        write_labels(&folder.join(&label), &shot.photo.labels)?;
+        let mut hashes = Vec::new();
+        for file in [depth, label] {
+            hashes.push((hash(&folder.join(&file))?, file));
+        }
+        progress(1);
+        Ok((shot.configuration, shot.record, hashes))
+    };
+    let images = (0..spec.images)
+        .into_par_iter()
+        .map_init(|| Photographer::new(&studio.camera), draw)
+        .collect::<Result<Vec<_>, DataSetError>>()?;
+
+    let mut record = SetRecord::new(spec, seed, &studio.rig, &studio.camera);
+    let mut configurations = Vec::new();
+    for (configuration, image, hashes) in images {
+        configurations.push(configuration);
+        record.images.push(image);
+        record
+            .files
+            .extend(hashes.into_iter().map(|(hash, file)| (file, hash)));
+    }
+    let joints_path = folder.join("joints.csv");
+    let table = joints_csv(&studio, &configurations);
+    std::fs::write(&joints_path, table).map_err(write_error(&joints_path))?;
+    let camera = CameraRecord::new(&studio.rig, &studio.camera, &studio.camera_from_root);
+    write_json(&folder.join("camera.json"), &camera)?;
+    for file in ["joints.csv", "camera.json"] {
+        record
+            .files
+            .insert(file.to_owned(), hash(&folder.join(file))?);
+    }
+    // Last, since it says that all is there.
+    write_json(&folder.join("set.json"), &record)?;
+    DataSet::open(folder)
+}
+
+/// Everything that stays the same from frame to frame.
+struct Studio<'a> {
+    spec: &'a SetSpec,
+    rig: Rig,
+    camera: Camera,
+    /// Index of the target arm.
+    target: usize,
+    poses: PoseSampler,
+    collision: SelfCollision,
+    camera_from_root: Isometry3<f64>,
+}
+
+struct Shot {
+    configuration: Vec<f64>,
+    photo: Photo,
+    record: ImageRecord,
+}
+
+impl<'a> Studio<'a> {
+    fn new(spec: &'a SetSpec) -> Result<Self, DataSetError> {
+        spec.check()?;
+        let rig = Rig::read(&spec.robot_path())?;
+        let camera = Camera::read(&spec.camera_path())?;
+        let target = rig.arm(&spec.target).ok_or_else(|| DataSetError::Spec {
+            set: spec.name.clone(),
+            message: format!("the robot has no arm \"{}\" to be the target", spec.target),
+        })?;
+        let poses = PoseSampler::new(&rig, &spec.poses)?;
+        let sample = |stream: &mut Stream| poses.sample(&rig.robot, stream);
+        let collision = SelfCollision::new(&rig.robot, sample);
+        // The camera stands still, so that any configuration tells where.
+        let any = sample(&mut stream(0, "camera", &[]));
+        let camera_from_root = rig.camera_from_root(&rig.robot.forward_kinematics(&any));
+        Ok(Studio {
+            spec,
+            rig,
+            camera,
+            target,
+            poses,
+            collision,
+            camera_from_root,
+        })
+    }
+
+    /// Draws frames until one is free of collision and shows what the specification demands.
+    fn shoot(
+        &self,
+        image: usize,
+        photographer: &mut Photographer,
+        stream: &mut Stream,
+    ) -> Result<Shot, DataSetError> {
+        let admits = |pixels: &[usize]| self.spec.admits(image, pixels, self.target);
+        let mut record = ImageRecord::default();
+        for _ in 0..TRIES {
+            let configuration = self.poses.sample(&self.rig.robot, stream);
+            let root_from_link = self.rig.robot.forward_kinematics(&configuration);
+            let boxes = self.collision.posed(&root_from_link);
+            if self.collision.first(&boxes).is_some() {
+                record.collided += 1;
+                continue;
+            }
+            // Most poses are out of view: the exact drawing of the robot alone tells it cheaply.
+            let mut bodies = robot_bodies(&self.rig, &root_from_link);
+            let alone = photographer.draw(&bodies);
+            let in_range = |&z: &f32| {
+                (self.camera.range.near_m..=self.camera.range.far_m).contains(&f64::from(z))
+            };
+            let visible = alone.depth.pixels.iter().map(in_range);
+            if !admits(&self.arm_pixels(visible, &alone.labels.pixels)) {
+                record.hidden += 1;
+                continue;
+            }
+            let root_from_camera = self.camera_from_root.inverse();
+            let (room, furniture) = (&self.spec.room, &self.spec.furniture);
+            let background = furnish(room, furniture, &root_from_camera, &boxes, stream);
+            bodies.push(room_body(&background, &self.camera_from_root));
+            let photo = photographer.photograph(&bodies, stream);
+            let valid = photo.depth.pixels.iter().map(|&mm| mm > 0);
+            record.valid = valid.clone().filter(|&v| v).count();
+            record.arms = self.arm_pixels(valid, &photo.labels.pixels);
+            if admits(&record.arms) {
+                return Ok(Shot {
+                    configuration,
+                    photo,
+                    record,
+                });
+            }
+            record.hidden += 1;
+        }
+        Err(DataSetError::NoFrame {
+            set: self.spec.name.clone(),
+            image,
+            tries: TRIES,
+        })
+    }
+
+    /// How many of the valid pixels show each arm.
+    fn arm_pixels(&self, valid: impl Iterator<Item = bool>, labels: &[u8]) -> Vec<usize> {
+        let mut by_label = [0; 256];
+        for (valid, &label) in valid.zip(labels) {
+            by_label[usize::from(label)] += usize::from(valid);
+        }
+        let pixels = |arm: &crate::scene::Arm| {
+            arm.links
+                .iter()
+                .map(|&link| by_label[usize::from(self.rig.label(link))])
+                .sum()
+        };
+        self.rig.arms.iter().map(pixels).collect()
+    }
+}
+
+/// joints.csv: values in full precision, so that the robot can be posed again exactly.
+fn joints_csv(studio: &Studio, configurations: &[Vec<f64>]) -> String {
+    let columns = columns(&studio.rig.robot, &studio.rig.arms[studio.target].joints);
+    let mut table = "image".to_owned();
+    for (name, _) in &columns {
+        table.push(',');
+        table.push_str(name);
+    }
+    table.push('\n');
+    for (image, configuration) in configurations.iter().enumerate() {
+        table.push_str(&image.to_string());
+        for &(_, dof) in &columns {
+            table.push_str(&format!(",{}", configuration[dof]));
+        }
+        table.push('\n');
+    }
+    table
+}
+
+/// The header of each column and where its joint stands in a configuration: the target's pose y
+/// first, then the other joints.
+fn columns(robot: &Robot, target: &[usize]) -> Vec<(String, usize)> {
+    let names: BTreeMap<usize, String> = robot
+        .dof_joints()
+        .enumerate()
+        .map(|(dof, joint)| match joint.motion {
+            Motion::Prismatic(_) => (dof, format!("{}_m", joint.name)),
+            _ => (dof, format!("{}_rad", joint.name)),
+        })
+        .collect();
+    let others = names.keys().filter(|dof| !target.contains(dof));
+    let order = target.iter().chain(others);
+    order.map(|&dof| (names[&dof].clone(), dof)).collect()
+}

@@ -1,0 +1,116 @@
+//! What a data set is: a strict TOML file such as `data/sets/pef.toml`.
+
+use super::DataSetError;
+use crate::scene::{FurnitureSpec, PoseSpec, RoomSpec};
+use crate::strict_toml;
+use serde::{Deserialize, Serialize};
+use std::path::{Path, PathBuf};
+
+/// The specification of a data set.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct SetSpec {
+    /// The name of the file, without its extension. Part of the seed: sets of different name share
+    /// no image, and images of one set do not depend on how many there are.
+    #[serde(skip)]
+    pub name: String,
+    /// The file's folder, where relative paths start.
+    #[serde(skip)]
+    pub folder: PathBuf,
+    pub images: usize,
+    /// A `robot.toml`, see [`crate::scene::Rig`].
+    pub robot: PathBuf,
+    /// A camera preset, see [`crate::camera::Camera`].
+    pub camera: PathBuf,
+    /// The arm whose pose is to be estimated.
+    pub target: String,
+    pub poses: PoseSpec,
+    pub visibility: VisibilitySpec,
+    pub room: RoomSpec,
+    pub furniture: FurnitureSpec,
+}
+
+/// What every image must show, in pixels with valid depth.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct VisibilitySpec {
+    /// Pixels of any arm.
+    pub robot_pixels: usize,
+    /// Pixels of the target arm.
+    pub target_pixels: usize,
+    /// Images whose number is a multiple of this need not show the target arm; 0: all must.
+    pub exempt_every: usize,
+}
+
+impl SetSpec {
+    pub fn read(path: &Path) -> Result<Self, DataSetError> {
+        let mut spec: SetSpec = strict_toml::read(path)?;
+        let stem = path.file_stem().unwrap_or_default();
+        spec.name = stem.to_string_lossy().into_owned();
+        spec.folder = path.parent().unwrap_or(Path::new("")).to_owned();
+        spec.check()?;
+        Ok(spec)
+    }
+
+    /// Fails on numbers that make no sense.
+    pub(super) fn check(&self) -> Result<(), DataSetError> {
+        let fail = |message: String| {
+            let set = self.name.clone();
+            Err(DataSetError::Spec { set, message })
+        };
+        if !(1..=MOST_IMAGES).contains(&self.images) {
+            return fail(format!(
+                "images = {} must be 1 to {MOST_IMAGES}",
+                self.images
+            ));
+        }
+        let room = &self.room;
+        for (key, [low, high]) in [
+            ("ahead", room.ahead),
+            ("aside", room.aside),
+            ("behind", room.behind),
+            ("height", room.height),
+        ] {
+            if !(0.0 < low && low <= high && high < 100.0) {
+                return fail(format!(
+                    "room.{key} = [{low}, {high}] must be a range of positive distances in metres"
+                ));
+            }
+        }
+        let furniture = &self.furniture;
+        for (key, [fewest, most]) in [
+            ("closets", furniture.closets),
+            ("shelves", furniture.shelves),
+            ("tables", furniture.tables),
+            ("chairs", furniture.chairs),
+        ] {
+            if !(fewest <= most && most <= 100) {
+                return fail(format!(
+                    "furniture.{key} = [{fewest}, {most}] must be the fewest and the most, up to 100"
+                ));
+            }
+        }
+        Ok(())
+    }
+
+    /// The `robot.toml` of the set.
+    pub fn robot_path(&self) -> PathBuf {
+        self.folder.join(&self.robot)
+    }
+
+    /// The camera preset of the set.
+    pub fn camera_path(&self) -> PathBuf {
+        self.folder.join(&self.camera)
+    }
+
+    /// Whether an image with so many valid pixels of each arm may be part of the set.
+    pub(super) fn admits(&self, image: usize, arm_pixels: &[usize], target: usize) -> bool {
+        let visibility = &self.visibility;
+        let exempt = visibility.exempt_every > 0 && image.is_multiple_of(visibility.exempt_every);
+        arm_pixels.iter().sum::<usize>() >= visibility.robot_pixels
+            && (exempt || arm_pixels[target] >= visibility.target_pixels)
+    }
+}
+
+/// File names number images with six digits.
+const MOST_IMAGES: usize = 1_000_000;

@@ -1,0 +1,160 @@
+//! The rig: a robot, the arms whose poses are of interest, and the camera that looks at them, as a
+//! `robot.toml` declares them.
+
+use super::SceneError;
+use crate::robot::Robot;
+use crate::strict_toml;
+use nalgebra::{Isometry3, Matrix3, Matrix4, Rotation3, Translation3, UnitQuaternion};
+use serde::Deserialize;
+use std::path::{Path, PathBuf};
+
+/// One arm: a link with all that hangs on it.
+#[derive(Debug, Clone)]
+pub struct Arm {
+    pub name: String,
+    /// Indices of its links, from the root of the arm outward.
+    pub links: Vec<usize>,
+    /// Where the joints of its pose y stand in a configuration, in the order of y.
+    pub joints: Vec<usize>,
+}
+
+/// A robot with its arms and its camera.
+#[derive(Debug, Clone)]
+pub struct Rig {
+    pub robot: Robot,
+    pub arms: Vec<Arm>,
+    /// The link that carries the camera.
+    pub camera_link: usize,
+    /// The pose of that link in the camera's optical frame.
+    pub camera_from_link: Isometry3<f64>,
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct RigFile {
+    urdf: PathBuf,
+    camera: CameraMount,
+    arm: Vec<ArmFile>,
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct CameraMount {
+    link: String,
+    camera_from_link: Option<[[f64; 4]; 4]>,
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct ArmFile {
+    name: String,
+    root: String,
+    joints: Vec<String>,
+}
+
+impl Rig {
+    /// Reads a `robot.toml`. The path of the URDF is relative to it.
+    pub fn read(path: &Path) -> Result<Rig, SceneError> {
+        let file: RigFile = strict_toml::read(path)?;
+        let folder = path.parent().unwrap_or(Path::new(""));
+        let robot = Robot::from_urdf(&folder.join(&file.urdf))?;
+        Self::assemble(robot, file).map_err(|message| SceneError::Rig {
+            path: path.to_owned(),
+            message,
+        })
+    }
+
+    fn assemble(robot: Robot, file: RigFile) -> Result<Rig, String> {
+        if robot.links.len() > 255 {
+            let links = robot.links.len();
+            return Err(format!(
+                "the robot has {links} links, but 8-bit labels can tell only 255 apart"
+            ));
+        }
+        let link = |name: &str| {
+            let unknown = || format!("the robot has no link \"{name}\"");
+            robot.link(name).ok_or_else(unknown)
+        };
+        let mut arms: Vec<Arm> = Vec::new();
+        for arm in file.arm {
+            let links = robot.descendants(link(&arm.root)?);
+            for other in &arms {
+                if other.name == arm.name || other.links.iter().any(|l| links.contains(l)) {
+                    let (a, b) = (&other.name, &arm.name);
+                    return Err(format!(
+                        "the arms \"{a}\" and \"{b}\" share their name or a link"
+                    ));
+                }
+            }
+            let joints = arm.joints.iter().map(|name| {
+                let joint = robot.joints.iter().find(|j| &j.name == name);
+                joint
+                    .filter(|j| links.contains(&j.child))
+                    .and_then(|j| j.dof)
+                    .ok_or_else(|| {
+                        format!("arm \"{}\" has no joint \"{name}\" that moves", arm.name)
+                    })
+            });
+            let joints = joints.collect::<Result<Vec<_>, _>>()?;
+            if joints.is_empty() {
+                return Err(format!("arm \"{}\" lists no joints", arm.name));
+            }
+            arms.push(Arm {
+                name: arm.name,
+                links,
+                joints,
+            });
+        }
+        if arms.is_empty() {
+            return Err("there must be at least one [[arm]]".to_owned());
+        }
+        let camera_link = link(&file.camera.link)?;
+        let camera_from_link = match file.camera.camera_from_link {
+            Some(rows) => isometry(&rows).ok_or("camera_from_link is not a rotation and a translation (rows of a 4x4 matrix, last row 0 0 0 1)")?,
+            None => Isometry3::identity(),
+        };
+        Ok(Rig {
+            robot,
+            arms,
+            camera_link,
+            camera_from_link,
+        })
+    }
+
+    /// The index of the arm `name`.
+    pub fn arm(&self, name: &str) -> Option<usize> {
+        self.arms.iter().position(|arm| arm.name == name)
+    }
+
+    /// The arm that a link belongs to; `None` for torso, pillar, head and the like.
+    pub fn arm_of_link(&self, link: usize) -> Option<usize> {
+        self.arms.iter().position(|arm| arm.links.contains(&link))
+    }
+
+    /// What the pixels of a link are labelled with: 1 + its index for links of the arms, else 0.
+    pub fn label(&self, link: usize) -> u8 {
+        // At most 255 links: checked on reading.
+        self.arm_of_link(link).map_or(0, |_| link as u8 + 1)
+    }
+
+    /// `camera_from_root`, given the poses of all links.
+    pub fn camera_from_root(&self, root_from_link: &[Isometry3<f64>]) -> Isometry3<f64> {
+        self.camera_from_link * root_from_link[self.camera_link].inverse()
+    }
+}
+
+/// Reads the rows of a 4x4 matrix; `None` when it is no rigid motion (to 1e-3, as matrices that
+/// people paste are rounded).
+fn isometry(rows: &[[f64; 4]; 4]) -> Option<Isometry3<f64>> {
+    let matrix = Matrix4::from_fn(|row, column| rows[row][column]);
+    let turn: Matrix3<f64> = matrix.fixed_view::<3, 3>(0, 0).into_owned();
+    let rigid = (turn.transpose() * turn - Matrix3::identity()).abs().max() < 1e-3
+        && turn.determinant() > 0.0
+        && rows[3] == [0.0, 0.0, 0.0, 1.0]
+        && matrix.iter().all(|x| x.is_finite());
+    rigid.then(|| {
+        let turn = Rotation3::from_matrix(&turn);
+        let shift = Translation3::new(rows[0][3], rows[1][3], rows[2][3]);
+        Isometry3::from_parts(shift, UnitQuaternion::from_rotation_matrix(&turn))
+    })
+}

@@ -1,0 +1,189 @@
+//! The background: a room of random size round the robot, with furniture at random places.
+//!
+//! Places are given in the *floor frame*: its origin lies on the floor below the camera, y points
+//! where the camera looks, x to the right, z up.
+
+use super::collision::any_overlap;
+use super::furniture::Piece;
+use super::oriented_box::OrientedBox;
+use crate::random::{Stream, below, uniform};
+use crate::robot::{Mesh, solids};
+use nalgebra::{Isometry3, Point3, Translation3, UnitQuaternion, Vector3};
+use serde::{Deserialize, Serialize};
+use std::f64::consts::FRAC_PI_2;
+
+/// The size of the room: each distance (m) is drawn from a range.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct RoomSpec {
+    /// Height of the floor in the robot's root frame, z up.
+    pub floor: f64,
+    /// From the camera to the wall in front of it.
+    pub ahead: [f64; 2],
+    /// To the walls on the left and on the right, drawn apart.
+    pub aside: [f64; 2],
+    /// To the wall behind.
+    pub behind: [f64; 2],
+    /// From floor to ceiling.
+    pub height: [f64; 2],
+}
+
+/// How many pieces of each kind there are: a number drawn from a range, both ends included. A
+/// piece that finds no free place is left out.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct FurnitureSpec {
+    pub closets: [usize; 2],
+    pub shelves: [usize; 2],
+    pub tables: [usize; 2],
+    pub chairs: [usize; 2],
+    /// No part of any piece comes nearer to the camera than this (m).
+    pub clearance: f64,
+}
+
+/// How often a place is drawn for a piece before it is left out.
+const TRIES: usize = 20;
+
+/// Builds the room and its furniture, in the root frame. Furniture stands on the floor within the
+/// walls and cuts neither the robot nor other furniture. `robot` holds the boxes of all links.
+pub fn furnish(
+    room: &RoomSpec,
+    furniture: &FurnitureSpec,
+    root_from_camera: &Isometry3<f64>,
+    robot: &[Vec<OrientedBox>],
+    s: &mut Stream,
+) -> Mesh {
+    let root_from_floor = floor_frame(root_from_camera, room.floor);
+    let camera = root_from_floor.inverse() * Point3::from(root_from_camera.translation.vector);
+    let floor_from_root = root_from_floor.inverse();
+    let to_floor = |boxes: &Vec<OrientedBox>| -> Vec<OrientedBox> {
+        boxes
+            .iter()
+            .map(|b| b.transformed(&floor_from_root))
+            .collect()
+    };
+    let robot: Vec<Vec<OrientedBox>> = robot.iter().map(to_floor).collect();
+    let walls = Walls::draw(room, s);
+
+    let mut standing = Piece::default();
+    let kinds: [(fn(&mut Stream) -> Piece, bool, [usize; 2]); 4] = [
+        (Piece::closet, true, furniture.closets),
+        (Piece::shelf, true, furniture.shelves),
+        (Piece::table, false, furniture.tables),
+        (Piece::chair, false, furniture.chairs),
+    ];
+    for (build, by_the_wall, [fewest, most]) in kinds {
+        for _ in 0..fewest + below(s, most.saturating_sub(fewest) + 1) {
+            let piece = build(s);
+            for _ in 0..TRIES {
+                let place = if by_the_wall {
+                    walls.place_along(&piece, s)
+                } else {
+                    walls.place_free(s)
+                };
+                let placed = piece.clone().placed(&place);
+                let in_the_way =
+                    |b: &OrientedBox| !walls.hold(b) || b.distance(&camera) < furniture.clearance;
+                if !placed.boxes.iter().any(in_the_way)
+                    && !any_overlap(&placed.boxes, &standing.boxes)
+                    && !robot.iter().any(|link| any_overlap(&placed.boxes, link))
+                {
+                    standing.join(placed);
+                    break;
+                }
+            }
+        }
+    }
+    let mut background = walls.mesh();
+    background.append(&standing.mesh);
+    background.transformed(&root_from_floor)
+}
+
+/// `root_from_floor`, see the head of this module. Where the camera looks straight up or down, the
+/// upper edge of its image points ahead.
+fn floor_frame(root_from_camera: &Isometry3<f64>, floor: f64) -> Isometry3<f64> {
+    let flat = |direction: Vector3<f64>| Vector3::new(direction.x, direction.y, 0.0);
+    let looks = flat(root_from_camera * Vector3::z());
+    let ahead = if looks.norm() > 0.05 {
+        looks
+    } else {
+        flat(root_from_camera * -Vector3::y())
+    };
+    let yaw = (-ahead.x).atan2(ahead.y);
+    let at = root_from_camera.translation.vector;
+    Isometry3::new(Vector3::new(at.x, at.y, floor), Vector3::z() * yaw)
+}
+
+/// The inside of the room, in the floor frame.
+struct Walls {
+    low: Point3<f64>,
+    high: Point3<f64>,
+}
+
+impl Walls {
+    fn draw(room: &RoomSpec, s: &mut Stream) -> Self {
+        let mut draw = |[low, high]: [f64; 2]| uniform(s, low, high);
+        Walls {
+            low: Point3::new(-draw(room.aside), -draw(room.behind), 0.0),
+            high: Point3::new(draw(room.aside), draw(room.ahead), draw(room.height)),
+        }
+    }
+
+    /// Whether a box lies within the walls, to a tenth of a millimetre.
+    fn hold(&self, part: &OrientedBox) -> bool {
+        let inside = |corner: Point3<f64>| {
+            (0..3).all(|i| self.low[i] - 1e-4 <= corner[i] && corner[i] <= self.high[i] + 1e-4)
+        };
+        part.corners().into_iter().all(inside)
+    }
+
+    /// Anywhere on the floor about the camera's view, facing anywhere.
+    fn place_free(&self, s: &mut Stream) -> Isometry3<f64> {
+        let y = uniform(s, 0.4, self.high.y);
+        let aside = SEEN_AT_FEET + SEEN_ASIDE * y;
+        stand(
+            uniform(s, -aside, aside),
+            y,
+            uniform(s, -2.0, 2.0) * FRAC_PI_2,
+        )
+    }
+
+    /// With its back to the wall ahead or to one aside, a little askew.
+    fn place_along(&self, piece: &Piece, s: &mut Stream) -> Isometry3<f64> {
+        let back = piece
+            .boxes
+            .iter()
+            .map(|b| b.centre.y + b.half.y)
+            .fold(0.0, f64::max);
+        let gap = back + uniform(s, 0.04, 0.15);
+        let askew = uniform(s, -0.06, 0.06);
+        let along = uniform(s, 0.3, self.high.y);
+        match below(s, 4) {
+            0 => stand(self.low.x + gap, along, FRAC_PI_2 + askew),
+            1 => stand(self.high.x - gap, along, -FRAC_PI_2 + askew),
+            _ => {
+                let aside = SEEN_AT_FEET + SEEN_ASIDE * self.high.y;
+                stand(uniform(s, -aside, aside), self.high.y - gap, askew)
+            }
+        }
+    }
+
+    /// A box that is seen from inside.
+    fn mesh(&self) -> Mesh {
+        let size = self.high - self.low;
+        let centre = nalgebra::center(&self.low, &self.high);
+        let mut mesh = solids::cuboid(size.into()).transformed(&Isometry3::from(centre));
+        mesh.triangles.iter_mut().for_each(|t| t.swap(1, 2));
+        mesh
+    }
+}
+
+/// Furniture stands where a camera of usual opening angle sees it: at most this far aside (m) at
+/// the foot of the camera, and so much more for each metre ahead.
+const SEEN_AT_FEET: f64 = 0.4;
+const SEEN_ASIDE: f64 = 0.55;
+
+fn stand(x: f64, y: f64, yaw: f64) -> Isometry3<f64> {
+    let turn = UnitQuaternion::from_axis_angle(&Vector3::z_axis(), yaw);
+    Isometry3::from_parts(Translation3::new(x, y, 0.0), turn)
+}
