@@ -7,8 +7,10 @@ use crate::camera::png::{write_depth, write_labels};
 use crate::camera::{Camera, Photo, Photographer};
 use crate::random::{Stream, stream};
 use crate::robot::{Motion, Robot};
-use crate::scene::{PoseSampler, Rig, SelfCollision, furnish, robot_bodies, room_body};
-use nalgebra::Isometry3;
+use crate::scene::{
+    OrientedBox, PoseSampler, Rig, SelfCollision, furnish, robot_bodies, room_body,
+};
+use nalgebra::{Isometry3, Point3};
 use rayon::prelude::*;
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -136,7 +138,7 @@ impl<'a> Studio<'a> {
             let configuration = self.poses.sample(&self.rig.robot, stream);
             let root_from_link = self.rig.robot.forward_kinematics(&configuration);
             let boxes = self.collision.posed(&root_from_link);
-            if self.collision.first(&boxes).is_some() {
+            if self.collision.first(&boxes).is_some() || self.near_camera(&boxes) {
                 record.collided += 1;
                 continue;
             }
@@ -173,6 +175,15 @@ impl<'a> Studio<'a> {
             image,
             tries: TRIES,
         })
+    }
+
+    /// Whether an arm comes nearer to the camera than the specification allows.
+    fn near_camera(&self, boxes: &[Vec<OrientedBox>]) -> bool {
+        let camera = Point3::from(self.camera_from_root.inverse().translation.vector);
+        let clearance = self.spec.poses.camera_clearance;
+        let arms = self.rig.arms.iter().flat_map(|arm| &arm.links);
+        arms.flat_map(|&link| &boxes[link])
+            .any(|part| part.distance(&camera) < clearance)
     }
 
     /// How many of the valid pixels show each arm.

@@ -95,10 +95,9 @@ impl OrientedBox {
         if between.norm_squared() >= reach * reach {
             return false;
         }
-        // The other box seen from this one's axes. The small term keeps the cross product of two
-        // parallel edges, which is no axis at all, from separating anything.
+        // The other box seen from this one's axes.
         let turn = self.axes.tr_mul(&other.axes);
-        let size = turn.abs().add_scalar(1e-9);
+        let size = turn.abs();
         let offset = self.axes.tr_mul(&between);
         let separated_by_a_face = (0..3).any(|i| {
             let own = offset[i].abs() >= self.half[i] + size.row(i).tr_dot(&other.half);
@@ -116,7 +115,8 @@ impl OrientedBox {
                 let own = self.half[i1] * size[(i2, j)] + self.half[i2] * size[(i1, j)];
                 let others = other.half[j1] * size[(i, j2)] + other.half[j2] * size[(i, j1)];
                 let apart = offset[i2] * turn[(i1, j)] - offset[i1] * turn[(i2, j)];
-                apart.abs() >= own + others
+                // Two parallel edges have no cross product: 0 >= 0 must not pass for separation.
+                apart.abs() > own + others + 1e-9
             })
         })
     }

@@ -17,6 +17,9 @@ pub struct PoseSpec {
     /// Joints drawn uniformly from a range of their own, within their limits (rad or m).
     #[serde(default)]
     pub ranges: BTreeMap<String, [f64; 2]>,
+    /// No part of an arm comes nearer to the camera than this (m), since a head that carries the
+    /// camera is not drawn and would collide.
+    pub camera_clearance: f64,
 }
 
 /// Draws configurations.

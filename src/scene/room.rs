@@ -66,8 +66,9 @@ pub fn furnish(
     let walls = Walls::draw(room, s);
 
     let mut standing = Piece::default();
-    let kinds: [(fn(&mut Stream) -> Piece, bool, [usize; 2]); 4] = [
-        (Piece::closet, true, furniture.closets),
+    type Build = fn(&mut Stream) -> Piece;
+    let kinds = [
+        (Piece::closet as Build, true, furniture.closets),
         (Piece::shelf, true, furniture.shelves),
         (Piece::table, false, furniture.tables),
         (Piece::chair, false, furniture.chairs),
@@ -158,7 +159,7 @@ impl Walls {
         let gap = back + uniform(s, 0.04, 0.15);
         let askew = uniform(s, -0.06, 0.06);
         let along = uniform(s, 0.3, self.high.y);
-        match below(s, 4) {
+        match below(s, 6) {
             0 => stand(self.low.x + gap, along, FRAC_PI_2 + askew),
             1 => stand(self.high.x - gap, along, -FRAC_PI_2 + askew),
             _ => {
