@@ -6,8 +6,14 @@ use std::f64::consts::{PI, TAU};
 
 pub type Outline = Vec<[f64; 2]>;
 
-/// Sides of a full circle.
-pub const SEGMENTS: usize = 48;
+/// How far a polygon may lie inside the circle that it stands for.
+const SAGITTA: f64 = 0.0002;
+
+/// Sides of the polygon that stands for a circle of this radius; a multiple of 4.
+fn sides(radius: f64) -> usize {
+    let least = PI / (2.0 * SAGITTA / radius).sqrt();
+    ((least / 4.0).ceil() as usize).max(3) * 4
+}
 
 /// The direction in which an outline is extruded. Outlines across X are in (y, z), across Y in
 /// (x, z), across Z in (x, y).
@@ -20,7 +26,7 @@ pub enum Axis {
 
 /// Points on a circle from one angle to another (degrees), both ends included.
 pub fn arc(centre: [f64; 2], radius: f64, from: f64, to: f64) -> Outline {
-    let steps = ((to - from).abs() / 360.0 * SEGMENTS as f64)
+    let steps = ((to - from).abs() / 360.0 * sides(radius) as f64)
         .ceil()
         .max(1.0) as usize;
     (0..=steps)
@@ -35,9 +41,17 @@ pub fn arc(centre: [f64; 2], radius: f64, from: f64, to: f64) -> Outline {
 }
 
 pub fn disc(centre: [f64; 2], radius: f64) -> Outline {
-    let mut points = arc(centre, radius, 0.0, 360.0);
-    points.pop();
-    points
+    regular(centre, radius, sides(radius))
+}
+
+/// The regular polygon of `n` points on a circle, the first in the direction of u.
+fn regular(centre: [f64; 2], radius: f64, n: usize) -> Outline {
+    (0..n)
+        .map(|i| {
+            let (sin, cos) = (TAU * i as f64 / n as f64).sin_cos();
+            [centre[0] + radius * cos, centre[1] + radius * sin]
+        })
+        .collect()
 }
 
 pub fn rectangle(u: [f64; 2], v: [f64; 2]) -> Outline {
@@ -99,19 +113,74 @@ pub fn loft(axis: Axis, sections: &[(f64, Outline)]) -> Mesh {
 }
 
 /// A straight tube: a disc with a round bore, extruded.
-pub fn ring(axis: Axis, centre: [f64; 2], radii: [f64; 2], heights: [f64; 2]) -> Mesh {
-    let [inner, outer] = radii.map(|radius| disc(centre, radius));
+pub fn ring(axis: Axis, centre: [f64; 2], [inner, outer]: [f64; 2], heights: [f64; 2]) -> Mesh {
     let [low, high] = heights;
-    // Once around the wall of the tube, and back to the start.
-    let sections = [
-        (low, outer.clone()),
-        (high, outer.clone()),
-        (high, inner.clone()),
-        (low, inner),
-        (low, outer),
-    ];
-    let triangles = walls(SEGMENTS, sections.len());
-    place(axis, &sections, triangles).welded()
+    let walls = [(low, outer), (high, outer), (high, inner), (low, inner)];
+    tube(
+        axis,
+        &walls.map(|(height, radius)| (height, regular(centre, radius, sides(outer)))),
+    )
+}
+
+/// A solid with a hole through it: outlines of equal numbers of points, up along the outside and
+/// down along the inside.
+pub fn tube(axis: Axis, sections: &[(f64, Outline)]) -> Mesh {
+    let mut closed = sections.to_vec();
+    closed.push(sections[0].clone());
+    place(axis, &closed, walls(sections[0].1.len(), closed.len())).welded()
+}
+
+/// The part of a disc within a rectangle about the same centre, by half widths: 40 points, the
+/// rectangle's corners among their directions.
+pub fn clipped_disc(half: [f64; 2], radius: f64) -> Outline {
+    let corner = half[1].atan2(half[0]);
+    let corners = [-corner, corner, PI - corner, PI + corner, TAU - corner];
+    let steps = 10;
+    (0..4 * steps)
+        .map(|i| {
+            let (side, part) = (i / steps, (i % steps) as f64 / steps as f64);
+            let angle = corners[side] + (corners[side + 1] - corners[side]) * part;
+            let (sin, cos) = angle.sin_cos();
+            let r = radius.min(half[0] / cos.abs()).min(half[1] / sin.abs());
+            [r * cos, r * sin]
+        })
+        .collect()
+}
+
+/// The part of a disc about the origin above `v = floor` and within `|u| <= half`; a half width
+/// that the disc does not reach is cut to what it does.
+pub fn segment(radius: f64, floor: f64, half: f64) -> Outline {
+    let half = half.min((radius * radius - floor * floor).sqrt() * 0.999);
+    let steps = 10;
+    let mut outline: Outline = (0..=steps)
+        .map(|i| {
+            let u = half * (1.0 - 2.0 * i as f64 / steps as f64);
+            [u, (radius * radius - u * u).sqrt()]
+        })
+        .collect();
+    outline.extend([[-half, floor], [half, floor]]);
+    outline
+}
+
+/// Every side moved inward by `depth`. Meant for depths that are small beside the sides' turns.
+pub fn inset(outline: &Outline, depth: f64) -> Outline {
+    let n = outline.len();
+    let side = |i: usize| {
+        let ([u, v], [s, t]) = (outline[i % n], outline[(i + 1) % n]);
+        let length = (s - u).hypot(t - v);
+        [(s - u) / length, (t - v) / length]
+    };
+    (0..n)
+        .map(|i| {
+            let (before, after) = (side(i + n - 1), side(i));
+            // The corner of both moved sides lies along the sum of their normals.
+            let scale = depth / (1.0 + before[0] * after[0] + before[1] * after[1]).max(0.5);
+            [
+                outline[i][0] - scale * (before[1] + after[1]),
+                outline[i][1] + scale * (before[0] + after[0]),
+            ]
+        })
+        .collect()
 }
 
 /// The triangles between successive sections of `n` points each.
@@ -166,7 +235,6 @@ fn clip_ears(outline: &Outline) -> Vec<[u32; 3]> {
             let free = |i: &u32| ear.contains(i) || !inside(point(*i));
             turn(a, b, c) > 1e-12 && left.iter().all(free)
         };
-        // Cutting from the middle of the list outward keeps the triangles of a circle fat enough.
         let ear = (0..n)
             .find(|&k| is_ear(k))
             .expect("a simple polygon has an ear");
@@ -177,17 +245,15 @@ fn clip_ears(outline: &Outline) -> Vec<[u32; 3]> {
     triangles
 }
 
-/// A solid of revolution about the Z axis from `[radius, z]` points, bottom to top, open ends
-/// closed by flat discs.
-pub fn turned(profile: &[[f64; 2]]) -> Mesh {
-    let sections: Vec<_> = profile
-        .iter()
-        .map(|&[r, z]| (z, disc([0.0; 2], r)))
-        .collect();
-    loft(Axis::Z, &sections)
-}
-
-/// Angle of `[u, v]` in degrees.
-pub fn degrees(u: f64, v: f64) -> f64 {
-    v.atan2(u).rem_euclid(TAU) * 180.0 / PI
+/// The solid of revolution through circles of `[radius, height]` about an axis of its own, with
+/// flat ends; heights ascend.
+pub fn turned(axis: Axis, centre: [f64; 2], profile: &[[f64; 2]]) -> Mesh {
+    let n = sides(
+        profile
+            .iter()
+            .map(|[radius, _]| *radius)
+            .fold(0.0, f64::max),
+    );
+    let section = |&[radius, height]: &[f64; 2]| (height, regular(centre, radius, n));
+    loft(axis, &profile.iter().map(section).collect::<Vec<_>>())
 }

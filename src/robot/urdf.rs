@@ -249,17 +249,20 @@ fn in_tree_order(urdf: &urdf_rs::Robot, joints: Vec<Joint>) -> Result<Vec<Joint>
     if urdf.links.is_empty() {
         return Err(UrdfProblem::NoLinks);
     }
-    let mut depth = vec![0; urdf.links.len()];
-    for link in 0..urdf.links.len() {
-        let mut at = link;
+    let depth_of = |link: usize| {
+        let (mut depth, mut at) = (0, link);
         while let Some(joint) = joint_above[at] {
             at = joint.parent;
-            depth[link] += 1;
-            if depth[link] > joints.len() {
+            depth += 1;
+            if depth > joints.len() {
                 return Err(UrdfProblem::Loop { link: name(link) });
             }
         }
-    }
+        Ok(depth)
+    };
+    let depth: Vec<usize> = (0..urdf.links.len())
+        .map(depth_of)
+        .collect::<Result<_, _>>()?;
     let mut roots = (0..urdf.links.len()).filter(|&link| depth[link] == 0);
     if let (Some(first), Some(second)) = (roots.next(), roots.next()) {
         return Err(UrdfProblem::TwoRoots {
