@@ -1,1 +1,227 @@
 //! Depth-difference features (eq. 4) and the matrix of their values.
+//!
+//! A feature is the difference of the depths at two fixed offsets from a pixel. The offsets are in
+//! pixels and are not scaled by depth; a place that is invalid or outside the image counts as
+//! [`D_INVALID_MM`]. All values are millimetres and fit an `i16`.
+
+use crate::camera::DepthImage;
+use crate::random::{Stream, below};
+use rayon::prelude::*;
+use serde::{Deserialize, Serialize};
+
+/// The depth of what cannot be seen. Depths beyond it are clamped to it.
+pub const D_INVALID_MM: i16 = 5000;
+
+/// A window wider than this is taken for a mistake: it would cost gigabytes of border.
+const MAX_WINDOW: usize = 2000;
+/// A tree's node holds its feature in 16 bits, and the last value marks a leaf.
+const MAX_COUNT: usize = u16::MAX as usize;
+
+#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+pub enum FeatureError {
+    #[error("{0} features were asked for; ask for 1 to {MAX_COUNT}")]
+    Count(usize),
+    #[error("a feature window of {0} pixels was asked for; ask for 1 to {MAX_WINDOW}")]
+    Window(usize),
+}
+
+/// How many features are drawn, and the side in pixels of the square window around the pixel.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct FeatureSpec {
+    pub count: usize,
+    pub window: usize,
+}
+
+/// The offsets (x, y) of delta_u and delta_v of each feature, pixels.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(try_from = "Vec<[[i16; 2]; 2]>", into = "Vec<[[i16; 2]; 2]>")]
+pub struct DepthFeatures {
+    offsets: Vec<[[i16; 2]; 2]>,
+}
+
+impl TryFrom<Vec<[[i16; 2]; 2]>> for DepthFeatures {
+    type Error = FeatureError;
+
+    fn try_from(offsets: Vec<[[i16; 2]; 2]>) -> Result<Self, FeatureError> {
+        let features = Self { offsets };
+        if !(1..=MAX_COUNT).contains(&features.count()) {
+            return Err(FeatureError::Count(features.count()));
+        }
+        if 2 * features.reach() > MAX_WINDOW {
+            return Err(FeatureError::Window(2 * features.reach()));
+        }
+        Ok(features)
+    }
+}
+
+impl From<DepthFeatures> for Vec<[[i16; 2]; 2]> {
+    fn from(features: DepthFeatures) -> Self {
+        features.offsets
+    }
+}
+
+impl DepthFeatures {
+    /// Offsets uniform over the integers of `[-window/2, window/2)`, in x and in y.
+    pub fn draw(spec: &FeatureSpec, stream: &mut Stream) -> Result<Self, FeatureError> {
+        if !(1..=MAX_WINDOW).contains(&spec.window) {
+            return Err(FeatureError::Window(spec.window));
+        }
+        if !(1..=MAX_COUNT).contains(&spec.count) {
+            return Err(FeatureError::Count(spec.count));
+        }
+        let mut offset = || (below(stream, spec.window) as i32 - (spec.window / 2) as i32) as i16;
+        let offsets = (0..spec.count)
+            .map(|_| [[offset(), offset()], [offset(), offset()]])
+            .collect();
+        Ok(Self { offsets })
+    }
+
+    pub fn count(&self) -> usize {
+        self.offsets.len()
+    }
+
+    /// The largest distance in x or y that a feature looks away from its pixel: the margin that a
+    /// [`PaddedDepth`] needs.
+    pub fn reach(&self) -> usize {
+        let all = self.offsets.iter().flatten().flatten();
+        all.map(|o| usize::from(o.unsigned_abs()))
+            .max()
+            .unwrap_or(0)
+    }
+
+    /// Joins the features to one image. Panics when the image's margin is below [`Self::reach`].
+    pub fn on<'a>(&self, image: &'a PaddedDepth) -> FeaturesOnImage<'a> {
+        assert!(
+            self.reach() <= image.margin,
+            "the image's margin is too small"
+        );
+        let corner = (image.margin * image.stride + image.margin) as i32;
+        let linear =
+            |[x, y]: [i16; 2]| (corner + i32::from(y) * image.stride as i32 + i32::from(x)) as u32;
+        FeaturesOnImage {
+            values: &image.values,
+            offsets: self.offsets.iter().map(|o| o.map(linear)).collect(),
+        }
+    }
+
+    /// Writes the value of feature f at each of `positions` (see [`PaddedDepth::position`]) into
+    /// `columns[f]`.
+    pub fn fill(&self, image: &PaddedDepth, positions: &[u32], columns: &mut [&mut [i16]]) {
+        let features = self.on(image);
+        for (feature, column) in columns.iter_mut().take(self.count()).enumerate() {
+            for (value, &position) in column.iter_mut().zip(positions) {
+                *value = features.value(feature, position);
+            }
+        }
+    }
+}
+
+/// A depth image with a border on all sides, in which invalid pixels and the border hold
+/// [`D_INVALID_MM`], so that a feature is the difference of two elements and nothing else.
+#[derive(Debug, Clone, Default, PartialEq, Eq)]
+pub struct PaddedDepth {
+    values: Vec<i16>,
+    stride: usize,
+    width: usize,
+    height: usize,
+    margin: usize,
+}
+
+impl PaddedDepth {
+    pub fn new(image: &DepthImage, margin: usize) -> Self {
+        let mut padded = Self::default();
+        padded.refill(image, margin);
+        padded
+    }
+
+    /// Takes another image, in the memory of the last one.
+    pub fn refill(&mut self, image: &DepthImage, margin: usize) {
+        (self.width, self.height, self.margin) = (image.width, image.height, margin);
+        self.stride = image.width + 2 * margin;
+        self.values.clear();
+        self.values
+            .resize(self.stride * (image.height + 2 * margin), D_INVALID_MM);
+        let rows = self.values.chunks_exact_mut(self.stride).skip(margin);
+        for (row, source) in rows.zip(image.pixels.chunks_exact(image.width)) {
+            for (value, &depth) in row[margin..].iter_mut().zip(source) {
+                *value = match depth {
+                    0 => D_INVALID_MM,
+                    mm => mm.min(D_INVALID_MM as u16) as i16,
+                };
+            }
+        }
+    }
+
+    /// Where column `x`, row `y` of the image stands: the index of the top left corner of the
+    /// window of side `2 margin + 1` around it. Panics outside the image.
+    pub fn position(&self, x: usize, y: usize) -> u32 {
+        assert!(x < self.width && y < self.height, "pixel outside the image");
+        (y * self.stride + x) as u32
+    }
+
+    /// The depth at a position, mm.
+    pub fn depth(&self, position: u32) -> i16 {
+        self.values[position as usize + self.margin * self.stride + self.margin]
+    }
+}
+
+/// Features at fixed linear offsets into the values of one image.
+#[derive(Debug, Clone)]
+pub struct FeaturesOnImage<'a> {
+    values: &'a [i16],
+    offsets: Vec<[u32; 2]>,
+}
+
+impl FeaturesOnImage<'_> {
+    /// Eq. 4 for `feature` at the pixel of `position`, mm, in -5000..=5000.
+    #[inline]
+    pub fn value(&self, feature: usize, position: u32) -> i16 {
+        let [u, v] = self.offsets[feature];
+        self.values[(position + u) as usize] - self.values[(position + v) as usize]
+    }
+}
+
+/// The values of all features at all samples, column-major: the values of one feature lie together,
+/// and in them those of one image. Where a column comes from is the business of who fills it.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct SampleMatrix {
+    samples: usize,
+    values: Vec<i16>,
+}
+
+impl SampleMatrix {
+    /// A matrix of `columns` features, filled image by image and in parallel. Image i has
+    /// `counts[i]` samples, which follow those of image i - 1; `fill(i, runs)` writes its values of
+    /// column f into `runs[f]`. Of several errors any one is returned.
+    pub fn fill<E: Send>(
+        columns: usize,
+        counts: &[usize],
+        fill: impl Fn(usize, &mut [&mut [i16]]) -> Result<(), E> + Sync,
+    ) -> Result<Self, E> {
+        let samples: usize = counts.iter().sum();
+        let mut values = vec![0; columns * samples];
+        let mut runs: Vec<Vec<&mut [i16]>> =
+            counts.iter().map(|_| Vec::with_capacity(columns)).collect();
+        for mut column in values.chunks_exact_mut(samples.max(1)) {
+            for (image, &count) in runs.iter_mut().zip(counts) {
+                let (run, rest) = column.split_at_mut(count);
+                image.push(run);
+                column = rest;
+            }
+        }
+        runs.par_iter_mut()
+            .enumerate()
+            .try_for_each(|(image, runs)| fill(image, runs))?;
+        Ok(Self { samples, values })
+    }
+
+    pub fn samples(&self) -> usize {
+        self.samples
+    }
+
+    /// The columns in order, each with one value a sample.
+    pub fn columns(&self) -> impl ExactSizeIterator<Item = &[i16]> {
+        self.values.chunks_exact(self.samples.max(1))
+    }
+}

@@ -1,0 +1,172 @@
+//! Training one tree at the paper's size, estimating in one image, loading a model.
+
+use armpose::camera::DepthImage;
+use armpose::feature::{DepthFeatures, FeatureSpec, PaddedDepth, SampleMatrix};
+use armpose::forest::bins::BinnedMatrix;
+use armpose::forest::grow::{GrowSpec, TargetTable};
+use armpose::forest::leaves::grow_means;
+use armpose::forest::objective::mse::mse;
+use armpose::forest::pose_forest::PoseForest;
+use armpose::random::{below, stream, uniform};
+use criterion::{Criterion, SamplingMode, criterion_group, criterion_main};
+use std::hint::black_box;
+use std::time::Duration;
+
+const POSES: usize = 160;
+const SAMPLES_PER_POSE: usize = 3000;
+const JOINTS: usize = 15;
+
+/// A table, and on it an arm of seven bars that hang together and turn by their pose: a scene in
+/// which a pixel's surroundings say something about the pose, and most of which is empty.
+fn image(pose: &[f64]) -> DepthImage {
+    let (width, height) = (640, 480);
+    let mut pixels = vec![0; width * height];
+    for (at, depth) in pixels.iter_mut().enumerate() {
+        let (x, y) = (at % width, at / width);
+        *depth = match y {
+            0..200 if x % 97 < 3 => 0,
+            0..200 => 4000 + (x / 40 * 10) as u16,
+            _ => (800.0 + 600_000.0 / (y as f64 + 20.0)) as u16,
+        };
+    }
+    let (mut x, mut y, mut z, mut heading) = (420.0, 240.0, 1400.0, 0.0);
+    for joint in pose.iter().take(7) {
+        heading += joint;
+        for _ in 0..40 {
+            x += f64::cos(heading);
+            y += f64::sin(heading);
+            z -= 3.0 * joint;
+            for dy in -14..=14 {
+                for dx in -14..=14 {
+                    let (u, v) = (x as i32 + dx, y as i32 + dy);
+                    if (0..width as i32).contains(&u) && (0..height as i32).contains(&v) {
+                        let round = (dx * dx + dy * dy) / 4;
+                        pixels[v as usize * width + u as usize] = (z as i32 + round) as u16;
+                    }
+                }
+            }
+        }
+    }
+    DepthImage {
+        width,
+        height,
+        pixels,
+    }
+}
+
+struct Data {
+    features: DepthFeatures,
+    images: Vec<DepthImage>,
+    binned: BinnedMatrix,
+    targets: Vec<u16>,
+    table: TargetTable,
+}
+
+fn data() -> Data {
+    let mut random = stream(1, "bench", &[]);
+    let spec = FeatureSpec {
+        count: 500,
+        window: 200,
+    };
+    let features = DepthFeatures::draw(&spec, &mut random).unwrap();
+    let poses: Vec<f64> = (0..POSES * JOINTS)
+        .map(|_| uniform(&mut random, -1.2, 1.2))
+        .collect();
+    let images: Vec<DepthImage> = poses.chunks(JOINTS).map(image).collect();
+    let counts = vec![SAMPLES_PER_POSE; POSES];
+    let matrix = SampleMatrix::fill(features.count(), &counts, |i, columns| {
+        let padded = PaddedDepth::new(&images[i], features.reach());
+        let mut random = stream(1, "pixels", &[i as u64]);
+        // Most on the arm, as in the paper's training data.
+        let mut positions = Vec::new();
+        while positions.len() < SAMPLES_PER_POSE {
+            let (x, y) = (below(&mut random, 640), below(&mut random, 480));
+            let near = padded.depth(padded.position(x, y)) < 1800;
+            if near || below(&mut random, 40) == 0 {
+                positions.push(padded.position(x, y));
+            }
+        }
+        positions.sort_unstable();
+        features.fill(&padded, &positions, columns);
+        Ok::<(), ()>(())
+    })
+    .unwrap();
+    Data {
+        features,
+        images,
+        binned: BinnedMatrix::new(&matrix).unwrap(),
+        targets: (0..POSES * SAMPLES_PER_POSE)
+            .map(|i| (i / SAMPLES_PER_POSE) as u16)
+            .collect(),
+        table: TargetTable::new(JOINTS, poses).unwrap(),
+    }
+}
+
+fn grow(data: &Data, trees: usize, features_per_node: usize) -> PoseForest {
+    let spec = GrowSpec {
+        trees,
+        min_leaf: 5,
+        features_per_node,
+        max_depth: None,
+        bootstrap: true,
+    };
+    let objective = mse(&data.table).unwrap();
+    let (trees, leaves) = grow_means(
+        &data.binned,
+        &data.targets,
+        &data.table,
+        &*objective,
+        &spec,
+        7,
+        &|_| (),
+    )
+    .unwrap();
+    let names = (0..JOINTS).map(|joint| format!("joint {joint}")).collect();
+    PoseForest::new(data.features.clone(), names, trees, leaves, 1.0).unwrap()
+}
+
+fn benches(criterion: &mut Criterion) {
+    let one_core = rayon::ThreadPoolBuilder::new().num_threads(1).build();
+    let one_core = one_core.unwrap();
+    let data = data();
+    let mut group = criterion.benchmark_group("forest");
+    group
+        .sampling_mode(SamplingMode::Flat)
+        .sample_size(10)
+        .warm_up_time(Duration::from_secs(1));
+    group.bench_function("train one tree, 480,000 x 500, 22 a node", |b| {
+        b.iter(|| one_core.install(|| grow(&data, 1, 22)));
+    });
+
+    let forest = grow(&data, 10, 22);
+    let tree = &forest.trees()[0];
+    println!("{} leaves, {} deep", tree.leaves(), tree.depth());
+    let padded = PaddedDepth::new(&data.images[0], forest.features().reach());
+    let pixels = (0..480).flat_map(|y| (0..640).map(move |x| (x, y)));
+    let positions: Vec<u32> = pixels.map(|(x, y)| padded.position(x, y)).collect();
+    group.bench_function("leaves of 640 x 480 pixels in 10 trees, one core", |b| {
+        let features = forest.features().on(&padded);
+        b.iter(|| one_core.install(|| black_box(forest.find_leaves(&features, &positions))));
+    });
+    group.bench_function("confidences and poses of these pixels", |b| {
+        let leaves = forest.find_leaves(&forest.features().on(&padded), &positions);
+        let mut pose = [0.0; JOINTS];
+        b.iter(|| {
+            black_box(leaves.confidences());
+            for pixel in 0..positions.len() {
+                leaves.pose(pixel, &mut pose);
+                black_box(&pose);
+            }
+        });
+    });
+
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("model");
+    forest.save(&path).unwrap();
+    group.bench_function("load the model of 10 trees", |b| {
+        b.iter(|| PoseForest::load(&path).unwrap());
+    });
+}
+
+criterion_group!(forest, benches);
+criterion_main!(forest);

@@ -1,0 +1,307 @@
+//! Growing trees.
+//!
+//! A node looks at `features_per_node` features drawn without replacement, and at more of them for
+//! as long as none can split it. The best score wins; of equals the feature drawn first and then
+//! the lowest threshold. A node is a leaf when its impurity is zero, when it is `max_depth` splits
+//! below the root, or when no feature leaves `min_leaf` on both sides.
+
+use super::ForestError;
+use super::bins::BinnedMatrix;
+use super::objective::{NodeScan, Objective};
+use super::tree::{LEAF, Node, Tree};
+use crate::Progress;
+use crate::random::{Stream, below, stream};
+use rayon::prelude::*;
+use serde::{Deserialize, Serialize};
+
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct GrowSpec {
+    pub trees: usize,
+    /// The least weight of a leaf: its samples, counted as often as the bootstrap drew them.
+    pub min_leaf: u32,
+    pub features_per_node: usize,
+    /// The most splits between root and leaf; without it there is no limit.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub max_depth: Option<usize>,
+    /// Whether each tree draws its samples with replacement, or takes all of them once.
+    pub bootstrap: bool,
+}
+
+/// A sample in a node: its row of the matrix, its row of the target table, and how often it counts.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Member {
+    pub sample: u32,
+    pub target: u16,
+    pub weight: u16,
+}
+
+/// What there is to learn: a row of values for each target. Samples share targets, as the pixels
+/// of an image share its pose.
+#[derive(Debug, Clone, PartialEq)]
+pub struct TargetTable {
+    width: usize,
+    values: Vec<f64>,
+}
+
+impl TargetTable {
+    /// `values` row by row, `width` of them a target.
+    pub fn new(width: usize, values: Vec<f64>) -> Result<Self, ForestError> {
+        if width == 0 {
+            return Err(ForestError::Zero("the number of values of a target"));
+        }
+        if values.is_empty() || !values.len().is_multiple_of(width) {
+            return Err(ForestError::Size {
+                what: "values of the last target",
+                got: values.len() % width,
+                expected: width,
+            });
+        }
+        let most = usize::from(u16::MAX) + 1;
+        if values.len() / width > most {
+            return Err(ForestError::TooMany {
+                what: "targets",
+                got: values.len() / width,
+                most,
+            });
+        }
+        match values.iter().position(|value| !value.is_finite()) {
+            Some(at) => Err(ForestError::NotFinite {
+                target: at / width,
+                column: at % width,
+            }),
+            None => Ok(Self { width, values }),
+        }
+    }
+
+    /// Values of a target.
+    pub fn width(&self) -> usize {
+        self.width
+    }
+
+    pub fn targets(&self) -> usize {
+        self.values.len() / self.width
+    }
+
+    pub fn row(&self, target: usize) -> &[f64] {
+        &self.values[target * self.width..(target + 1) * self.width]
+    }
+
+    /// Writes the mean over some samples.
+    pub fn mean(&self, members: &[Member], mean: &mut [f64]) {
+        mean.fill(0.0);
+        let mut weight = 0.0;
+        for member in members {
+            weight += f64::from(member.weight);
+            for (sum, y) in mean.iter_mut().zip(self.row(usize::from(member.target))) {
+                *sum += f64::from(member.weight) * y;
+            }
+        }
+        mean.iter_mut().for_each(|sum| *sum /= weight);
+    }
+}
+
+/// Grows `spec.trees` trees in parallel. `targets[i]` is the row of the objective's table that
+/// sample i belongs to. Tree i depends on `seed` and i only, neither on the number of threads nor
+/// on that of trees, and draws the same samples whatever the objective.
+///
+/// For each leaf, in the order of its number, `leaf(payload, members)` is called with the samples
+/// in it, ascending; the payload starts as `P::default()` for each tree and is returned with it.
+/// `progress` hears of one unit a tree.
+pub fn grow<P: Default + Send>(
+    data: &BinnedMatrix,
+    targets: &[u16],
+    objective: &dyn Objective,
+    spec: &GrowSpec,
+    seed: u64,
+    leaf: impl Fn(&mut P, &[Member]) + Sync,
+    progress: Progress,
+) -> Result<Vec<(Tree, P)>, ForestError> {
+    if targets.len() != data.samples() {
+        return Err(ForestError::Size {
+            what: "targets of samples",
+            got: targets.len(),
+            expected: data.samples(),
+        });
+    }
+    for (what, number) in [
+        ("the number of trees", spec.trees),
+        ("the number of features a node", spec.features_per_node),
+        ("the least weight of a leaf", spec.min_leaf as usize),
+    ] {
+        if number == 0 {
+            return Err(ForestError::Zero(what));
+        }
+    }
+    let tree = |tree: usize| {
+        let weights = if spec.bootstrap {
+            bootstrap(
+                data.samples(),
+                &mut stream(seed, "bootstrap", &[tree as u64]),
+            )
+        } else {
+            vec![1; data.samples()]
+        };
+        let mut payload = P::default();
+        let random = stream(seed, "tree", &[tree as u64]);
+        let report = |members: &[Member]| leaf(&mut payload, members);
+        let tree = grow_tree(data, targets, &weights, objective, spec, random, report);
+        progress(1);
+        (tree, payload)
+    };
+    Ok((0..spec.trees).into_par_iter().map(tree).collect())
+}
+
+/// How often each of `samples` is drawn when as many are drawn with replacement.
+fn bootstrap(samples: usize, random: &mut Stream) -> Vec<u16> {
+    let mut weights = vec![0; samples];
+    for _ in 0..samples {
+        let weight: &mut u16 = &mut weights[below(random, samples)];
+        *weight = weight.saturating_add(1);
+    }
+    weights
+}
+
+/// Grows one tree on the samples whose weight is not zero.
+fn grow_tree(
+    data: &BinnedMatrix,
+    targets: &[u16],
+    weights: &[u16],
+    objective: &dyn Objective,
+    spec: &GrowSpec,
+    random: Stream,
+    mut leaf: impl FnMut(&[Member]),
+) -> Tree {
+    let mut members: Vec<Member> = (0..)
+        .zip(targets)
+        .zip(weights)
+        .filter(|&(_, &weight)| weight > 0)
+        .map(|((sample, &target), &weight)| Member {
+            sample,
+            target,
+            weight,
+        })
+        .collect();
+    let mut grower = Grower {
+        data,
+        spec,
+        random,
+        scan: objective.scan(weights.iter().copied().max().unwrap_or(1)),
+        features: (0..data.features()).collect(),
+        codes: vec![0; members.len()],
+        right: Vec::with_capacity(members.len()),
+    };
+    let unfinished = Node {
+        feature: LEAF,
+        threshold: 0,
+        child: 0,
+    };
+    let mut nodes = vec![unfinished];
+    let mut leaves = 0;
+    // Nodes to be grown: their number, their members, their depth. The left one lies on top.
+    let mut open = vec![(0, 0..members.len(), 0)];
+    while let Some((at, range, depth)) = open.pop() {
+        let members = &mut members[range.clone()];
+        let split = if spec.max_depth.is_some_and(|most| depth >= most) {
+            None
+        } else {
+            grower.best_split(members)
+        };
+        let Some(split) = split else {
+            leaf(members);
+            nodes[at].child = leaves;
+            leaves += 1;
+            continue;
+        };
+        let child = nodes.len();
+        nodes[at] = Node {
+            feature: split.feature as u16,
+            threshold: data.threshold(split.feature, split.left, split.right),
+            child: child as u32,
+        };
+        nodes.extend([unfinished; 2]);
+        let middle = range.start + grower.partition(members, &split);
+        open.push((child + 1, middle..range.end, depth + 1));
+        open.push((child, range.start..middle, depth + 1));
+    }
+    Tree::grown(nodes, leaves as usize)
+}
+
+struct Split {
+    feature: usize,
+    left: u8,
+    right: u8,
+    score: f64,
+}
+
+struct Grower<'a> {
+    data: &'a BinnedMatrix,
+    spec: &'a GrowSpec,
+    random: Stream,
+    scan: Box<dyn NodeScan + 'a>,
+    /// All features, in the order that the last draws left.
+    features: Vec<usize>,
+    /// The bins of the node's members, for one feature.
+    codes: Vec<u8>,
+    /// Holds the members that go right while the others move together.
+    right: Vec<Member>,
+}
+
+impl Grower<'_> {
+    fn best_split(&mut self, members: &[Member]) -> Option<Split> {
+        let weight: u64 = members.iter().map(|member| u64::from(member.weight)).sum();
+        if weight < 2 * u64::from(self.spec.min_leaf) || !self.scan.enter(members) {
+            return None;
+        }
+        let codes = &mut self.codes[..members.len()];
+        let mut best: Option<Split> = None;
+        for drawn in 0..self.features.len() {
+            if drawn >= self.spec.features_per_node && best.is_some() {
+                break;
+            }
+            let pick = drawn + below(&mut self.random, self.features.len() - drawn);
+            self.features.swap(drawn, pick);
+            let feature = self.features[drawn];
+            let column = self.data.column(feature);
+            let mut differ = 0;
+            for (code, member) in codes.iter_mut().zip(members) {
+                *code = column[member.sample as usize];
+                differ |= *code ^ column[members[0].sample as usize];
+            }
+            if differ == 0 {
+                continue;
+            }
+            let Some(cut) = self.scan.best_cut(members, codes, self.spec.min_leaf) else {
+                continue;
+            };
+            if best.as_ref().is_none_or(|best| cut.score > best.score) {
+                best = Some(Split {
+                    feature,
+                    left: cut.left,
+                    right: cut.right,
+                    score: cut.score,
+                });
+            }
+        }
+        best
+    }
+
+    /// Puts the members that go left before the others, each side in ascending order, and returns
+    /// how many they are.
+    fn partition(&mut self, members: &mut [Member], split: &Split) -> usize {
+        let column = self.data.column(split.feature);
+        self.right.clear();
+        let mut left = 0;
+        for at in 0..members.len() {
+            let member = members[at];
+            if column[member.sample as usize] <= split.left {
+                members[left] = member;
+                left += 1;
+            } else {
+                self.right.push(member);
+            }
+        }
+        members[left..].copy_from_slice(&self.right);
+        left
+    }
+}

@@ -1,0 +1,100 @@
+//! What the leaves of a tree say.
+
+use super::ForestError;
+use super::bins::BinnedMatrix;
+use super::grow::{GrowSpec, Member, TargetTable, grow};
+use super::objective::Objective;
+use super::tree::Tree;
+use crate::Progress;
+
+/// A row of `width` values for each leaf of a tree, and its impurity.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct LeafTable {
+    width: usize,
+    values: Vec<f32>,
+    impurities: Vec<f64>,
+}
+
+impl LeafTable {
+    /// `values` row by row, one row an impurity.
+    pub fn new(width: usize, values: Vec<f32>, impurities: Vec<f64>) -> Result<Self, ForestError> {
+        if values.len() != width * impurities.len() {
+            return Err(ForestError::Size {
+                what: "values of leaves",
+                got: values.len(),
+                expected: width * impurities.len(),
+            });
+        }
+        let finite = values.iter().position(|value| !value.is_finite());
+        if let Some(at) = finite {
+            return Err(ForestError::NotFinite {
+                target: at / width,
+                column: at % width,
+            });
+        }
+        // The impurity of a leaf stands after its values.
+        if let Some(target) = impurities.iter().position(|value| !value.is_finite()) {
+            return Err(ForestError::NotFinite {
+                target,
+                column: width,
+            });
+        }
+        Ok(Self {
+            width,
+            values,
+            impurities,
+        })
+    }
+
+    pub fn width(&self) -> usize {
+        self.width
+    }
+
+    pub fn leaves(&self) -> usize {
+        self.impurities.len()
+    }
+
+    #[inline]
+    pub fn row(&self, leaf: usize) -> &[f32] {
+        &self.values[leaf * self.width..(leaf + 1) * self.width]
+    }
+
+    /// All rows, one after the other.
+    pub fn values(&self) -> &[f32] {
+        &self.values
+    }
+
+    pub fn impurities(&self) -> &[f64] {
+        &self.impurities
+    }
+}
+
+/// A forest whose leaves hold the mean over their samples of the rows of `table` (poses; or class
+/// membership, whose mean is the share of each class), and their impurity by the objective. The
+/// objective may have been made of another table with the same targets. See [`grow`].
+pub fn grow_means(
+    data: &BinnedMatrix,
+    targets: &[u16],
+    table: &TargetTable,
+    objective: &dyn Objective,
+    spec: &GrowSpec,
+    seed: u64,
+    progress: Progress,
+) -> Result<(Vec<Tree>, Vec<LeafTable>), ForestError> {
+    if let Some(&target) = targets.iter().find(|&&t| usize::from(t) >= table.targets()) {
+        return Err(ForestError::Size {
+            what: "targets in the table",
+            got: table.targets(),
+            expected: usize::from(target) + 1,
+        });
+    }
+    let leaf = |leaves: &mut LeafTable, members: &[Member]| {
+        let mut mean = vec![0.0; table.width()];
+        table.mean(members, &mut mean);
+        leaves.width = table.width();
+        leaves.values.extend(mean.iter().map(|&value| value as f32));
+        leaves.impurities.push(objective.impurity(members));
+    };
+    let trees = grow(data, targets, objective, spec, seed, leaf, progress)?;
+    Ok(trees.into_iter().unzip())
+}

@@ -1,0 +1,213 @@
+//! The pose estimation forest: what its trees say of a pixel, and how sure they are (section II-A).
+
+use super::ForestError;
+use super::leaves::LeafTable;
+use super::model_file::{self, Fault, ModelError};
+use super::tree::Tree;
+use crate::feature::{DepthFeatures, FeaturesOnImage};
+use rayon::prelude::*;
+use serde::{Deserialize, Serialize};
+use std::path::Path;
+
+/// Trees with the mean pose and the confidence of each leaf.
+#[derive(Debug, Clone, PartialEq)]
+pub struct PoseForest {
+    header: Header,
+    trees: Vec<Tree>,
+    leaves: Vec<LeafTable>,
+    /// Eq. 2 for each leaf of each tree.
+    confidences: Vec<Vec<f32>>,
+}
+
+/// What a model file says about the forest besides its trees.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct Header {
+    kind: Kind,
+    names: Vec<String>,
+    sigma: f64,
+    features: DepthFeatures,
+}
+
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+enum Kind {
+    #[serde(rename = "pose forest")]
+    PoseForest,
+}
+
+/// Pixels that are walked through a tree by one thread in one go.
+const RUN: usize = 4096;
+
+impl PoseForest {
+    /// Joins the features that trees were grown on, the names of a pose's values, the trees, the
+    /// tables of their leaves (see [`grow_means`](super::leaves::grow_means)) and the bandwidth of
+    /// eq. 2.
+    pub fn new(
+        features: DepthFeatures,
+        names: Vec<String>,
+        trees: Vec<Tree>,
+        leaves: Vec<LeafTable>,
+        sigma: f64,
+    ) -> Result<Self, ForestError> {
+        let header = Header {
+            kind: Kind::PoseForest,
+            names,
+            sigma,
+            features,
+        };
+        Self::join(header, trees, leaves)
+    }
+
+    fn join(header: Header, trees: Vec<Tree>, leaves: Vec<LeafTable>) -> Result<Self, ForestError> {
+        let same = |what, got, expected| match got == expected {
+            true => Ok(()),
+            false => Err(ForestError::Size {
+                what,
+                got,
+                expected,
+            }),
+        };
+        if trees.is_empty() {
+            return Err(ForestError::Zero("the number of trees"));
+        }
+        same("tables of leaves", leaves.len(), trees.len())?;
+        for (tree, leaves) in trees.iter().zip(&leaves) {
+            same("rows of a table of leaves", leaves.leaves(), tree.leaves())?;
+            same("values of a leaf", leaves.width(), header.names.len())?;
+        }
+        let sigma = header.sigma;
+        let mut forest = Self {
+            header,
+            trees,
+            leaves,
+            confidences: Vec::new(),
+        };
+        forest.set_sigma(sigma)?;
+        Ok(forest)
+    }
+
+    /// Writes a model file, see [`model_file`].
+    pub fn save(&self, path: &Path) -> Result<(), ModelError> {
+        model_file::write(path, &self.header, &self.trees, &self.leaves)
+    }
+
+    /// Reads what [`Self::save`] wrote.
+    pub fn load(path: &Path) -> Result<Self, ModelError> {
+        let (header, trees, leaves) =
+            model_file::read(path, |header: &Header| header.features.count())?;
+        Self::join(header, trees, leaves).map_err(|fault| ModelError::Unusable {
+            path: path.to_owned(),
+            fault: Fault::Inconsistent(fault),
+        })
+    }
+
+    /// Eq. 2 with another bandwidth: c = exp(-(H / nu)^2 / (2 sigma^2)), nu being the largest leaf
+    /// impurity of the forest. c = 1 everywhere when that is zero.
+    pub fn set_sigma(&mut self, sigma: f64) -> Result<(), ForestError> {
+        if !(sigma.is_finite() && sigma > 0.0) {
+            return Err(ForestError::Sigma(sigma));
+        }
+        self.header.sigma = sigma;
+        let all = self.leaves.iter().flat_map(LeafTable::impurities);
+        let nu = all.copied().fold(0.0, f64::max);
+        let confidence = |&h: &f64| {
+            let scaled = if nu > 0.0 { h / nu } else { 0.0 };
+            (-scaled.powi(2) / (2.0 * sigma.powi(2))).exp() as f32
+        };
+        let of_tree = |leaves: &LeafTable| leaves.impurities().iter().map(confidence).collect();
+        self.confidences = self.leaves.iter().map(of_tree).collect();
+        Ok(())
+    }
+
+    pub fn sigma(&self) -> f64 {
+        self.header.sigma
+    }
+
+    pub fn features(&self) -> &DepthFeatures {
+        &self.header.features
+    }
+
+    /// What the values of a pose are called.
+    pub fn names(&self) -> &[String] {
+        &self.header.names
+    }
+
+    pub fn trees(&self) -> &[Tree] {
+        &self.trees
+    }
+
+    /// The leaves of each tree.
+    pub fn leaves(&self) -> &[LeafTable] {
+        &self.leaves
+    }
+
+    /// Finds the leaf of each pixel in each tree, in parallel. `image` is
+    /// `self.features().on(&padded)`; `positions` are [`PaddedDepth::position`]s, and neighbours
+    /// should stand together: they take much the same way.
+    ///
+    /// [`PaddedDepth::position`]: crate::feature::PaddedDepth::position
+    pub fn find_leaves(&self, image: &FeaturesOnImage, positions: &[u32]) -> PixelLeaves<'_> {
+        let mut leaves = vec![0; self.trees.len() * positions.len()];
+        self.trees
+            .par_iter()
+            .zip(leaves.par_chunks_exact_mut(positions.len().max(1)))
+            .for_each(|(tree, leaves)| {
+                positions
+                    .par_chunks(RUN)
+                    .zip(leaves.par_chunks_mut(RUN))
+                    .for_each(|(positions, leaves)| {
+                        tree.find_leaves(positions, |f, p| image.value(f, p), leaves);
+                    });
+            });
+        PixelLeaves {
+            forest: self,
+            pixels: positions.len(),
+            leaves,
+        }
+    }
+}
+
+/// The leaf of each pixel in each tree.
+#[derive(Debug, Clone, PartialEq)]
+pub struct PixelLeaves<'a> {
+    forest: &'a PoseForest,
+    pixels: usize,
+    /// Tree by tree, one number a pixel.
+    leaves: Vec<u32>,
+}
+
+impl PixelLeaves<'_> {
+    /// The leaves of all pixels in one tree.
+    pub fn of_tree(&self, tree: usize) -> &[u32] {
+        &self.leaves[tree * self.pixels..(tree + 1) * self.pixels]
+    }
+
+    /// The confidence of each pixel's estimate: the mean over the trees.
+    pub fn confidences(&self) -> Vec<f32> {
+        let mut confidences = vec![0.0f32; self.pixels];
+        for (tree, of_leaf) in self.forest.confidences.iter().enumerate() {
+            for (sum, &leaf) in confidences.iter_mut().zip(self.of_tree(tree)) {
+                *sum += of_leaf[leaf as usize];
+            }
+        }
+        let trees = self.forest.trees.len() as f32;
+        confidences.iter_mut().for_each(|sum| *sum /= trees);
+        confidences
+    }
+
+    /// Writes the estimate of one pixel, the mean of its leaves' poses over the trees weighted by
+    /// their confidences, into `pose`.
+    pub fn pose(&self, pixel: usize, pose: &mut [f64]) {
+        pose.fill(0.0);
+        let mut weight = 0.0;
+        for (tree, leaves) in self.forest.leaves.iter().enumerate() {
+            let leaf = self.of_tree(tree)[pixel] as usize;
+            let confidence = f64::from(self.forest.confidences[tree][leaf]);
+            weight += confidence;
+            for (sum, &y) in pose.iter_mut().zip(leaves.row(leaf)) {
+                *sum += confidence * f64::from(y);
+            }
+        }
+        pose.iter_mut().for_each(|sum| *sum /= weight);
+    }
+}
