@@ -79,7 +79,7 @@ impl<const L: usize> Histogram<L> {
     ) -> Option<Cut> {
         if total[0] <= NARROW as f64 {
             self.add(rows, members, codes);
-            return sweep(&mut *self.sums, &mut self.occupied, total, min_leaf, score);
+            return sweep(&mut self.sums, &mut self.occupied, total, min_leaf, score);
         }
         let mut from = 0;
         while from < members.len() {
@@ -96,7 +96,7 @@ impl<const L: usize> Histogram<L> {
             }
             from = to;
         }
-        sweep(&mut *self.wide, &mut self.occupied, total, min_leaf, score)
+        sweep(&mut self.wide, &mut self.occupied, total, min_leaf, score)
     }
 
     #[inline(always)]
