@@ -23,8 +23,8 @@ struct Edges {
 }
 
 impl BinnedMatrix {
-    /// Bins every column by the quantiles of its values: exactly as many samples a bin as ties
-    /// allow, and one bin a value where there are at most [`BINS`] distinct ones.
+    /// Bins every column by the quantiles of its values: as many samples a bin as ties allow, and
+    /// one bin a value where there are at most [`BINS`] distinct ones.
     pub fn new(matrix: &SampleMatrix) -> Result<Self, ForestError> {
         let samples = matrix.samples();
         let columns: Vec<&[i16]> = matrix.columns().collect();
@@ -87,6 +87,18 @@ fn bin_column(column: &[i16], codes: &mut [u8]) -> Edges {
     for &value in column {
         counts[place(value)] += 1;
     }
+    // A value that holds more than a bin's share of the samples takes a bin for itself, which
+    // leaves less to the others.
+    let (mut share, mut common) = (f64::INFINITY, (0, 0));
+    loop {
+        let even = (column.len() - common.1) as f64 / (BINS - common.0) as f64;
+        if even >= share {
+            break;
+        }
+        share = even;
+        let above = counts.iter().filter(|&&count| f64::from(count) > share);
+        common = above.fold((0, 0), |(n, sum), &count| (n + 1, sum + count as usize));
+    }
     let distinct = counts.iter().filter(|&&count| count > 0).count();
 
     let mut edges = Edges {
@@ -94,21 +106,32 @@ fn bin_column(column: &[i16], codes: &mut [u8]) -> Edges {
         highest: Vec::new(),
     };
     let mut code_of = vec![0u8; counts.len()];
-    // Samples in the open bin, in it and after it, and what it should hold: its share of what is
-    // left, so that a value shared by many samples takes its own bin and the others stay even.
-    let (mut held, mut left, mut share) = (0.0, column.len() as f64, 0.0);
+    // What the open bin holds, and what there is for the bins that may still be opened; common
+    // values apart.
+    let mut held = 0.0;
+    let mut bins = BINS - common.0;
+    let mut left = (column.len() - common.1) as f64;
+    let mut target = share;
+    let mut after_common = true;
     for (place, &count) in counts.iter().enumerate().filter(|&(_, &count)| count > 0) {
         let value = (i32::from(low) + place as i32) as i16;
         let count = f64::from(count);
-        let full = distinct <= BINS || held + count / 2.0 > share;
+        let is_common = count > share;
+        let full = distinct <= BINS || is_common || after_common || held + count / 2.0 > target;
         if edges.lowest.is_empty() || (full && edges.lowest.len() < BINS) {
-            share = left / (BINS - edges.lowest.len()) as f64;
-            held = 0.0;
             edges.lowest.push(value);
             edges.highest.push(value);
+            held = 0.0;
+            if !is_common {
+                target = left / bins.max(1) as f64;
+                bins = bins.saturating_sub(1);
+            }
         }
-        held += count;
-        left -= count;
+        after_common = is_common;
+        if !is_common {
+            held += count;
+            left -= count;
+        }
         code_of[place] = (edges.lowest.len() - 1) as u8;
         if let Some(highest) = edges.highest.last_mut() {
             *highest = value;
@@ -163,9 +186,9 @@ mod tests {
             counts[bin] += 1;
         }
         assert!((1..BINS).all(|bin| edges.highest[bin - 1] < edges.lowest[bin]));
-        // 100,000 samples share 255 bins: 392 each, but for ties.
+        // 100,000 samples share 255 bins: 392 each, but for ties and what is left over beside 0 and last.
         counts.sort_unstable();
-        assert!(counts[0] > 200 && counts[BINS - 2] < 700, "{counts:?}");
+        assert!(counts[2] > 300 && counts[BINS - 2] < 500, "{counts:?}");
     }
 
     #[test]

@@ -305,3 +305,72 @@ impl Grower<'_> {
         left
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::feature::SampleMatrix;
+    use crate::forest::objective::mse::mse;
+    use crate::random::unit;
+
+    /// A sample of weight 3 and three samples are the same, and a weight of 0 is none.
+    #[test]
+    fn weights_are_repetitions() {
+        let mut random = stream(1, "weights", &[]);
+        let table = TargetTable::new(2, (0..80).map(|_| unit(&mut random)).collect()).unwrap();
+        let samples = 500;
+        let weights: Vec<u16> = (0..samples).map(|_| below(&mut random, 4) as u16).collect();
+        let targets: Vec<u16> = (0..samples)
+            .map(|_| below(&mut random, 40) as u16)
+            .collect();
+        let rows: Vec<[i16; 5]> = (0..samples)
+            .map(|_| std::array::from_fn(|_| below(&mut random, 200) as i16))
+            .collect();
+        let spec = GrowSpec {
+            trees: 1,
+            min_leaf: 4,
+            features_per_node: 2,
+            max_depth: None,
+            bootstrap: false,
+        };
+        let grown = |drawn: &[usize], weights: &[u16]| {
+            let matrix = SampleMatrix::fill(5, &[drawn.len()], |_, columns| {
+                for (feature, column) in columns.iter_mut().enumerate() {
+                    for (value, &sample) in column.iter_mut().zip(drawn) {
+                        *value = rows[sample][feature];
+                    }
+                }
+                Ok::<(), ()>(())
+            });
+            let data = BinnedMatrix::new(&matrix.unwrap()).unwrap();
+            let targets: Vec<u16> = drawn.iter().map(|&sample| targets[sample]).collect();
+            let objective = mse(&table).unwrap();
+            let mut impurities = Vec::new();
+            let leaf = |members: &[Member]| {
+                assert!(members.iter().map(|m| u32::from(m.weight)).sum::<u32>() >= 4);
+                impurities.push(objective.impurity(members));
+            };
+            let random = stream(2, "tree", &[]);
+            let tree = grow_tree(&data, &targets, weights, &*objective, &spec, random, leaf);
+            (tree, impurities)
+        };
+        let once: Vec<usize> = (0..samples).collect();
+        let repeated: Vec<usize> = (0..samples)
+            .flat_map(|sample| std::iter::repeat_n(sample, usize::from(weights[sample])))
+            .collect();
+        let (tree, impurities) = grown(&once, &weights);
+        let (same, others) = grown(&repeated, &vec![1; repeated.len()]);
+        assert!(tree == same && tree.leaves() > 50);
+        for (a, b) in impurities.iter().zip(others) {
+            assert!((a - b).abs() < 1e-12);
+        }
+    }
+
+    #[test]
+    fn a_bootstrap_draws_each_sample_as_often_as_poisson_says() {
+        let weights = bootstrap(100_000, &mut stream(1, "bootstrap", &[0]));
+        assert_eq!(weights.iter().map(|&w| u32::from(w)).sum::<u32>(), 100_000);
+        let absent = weights.iter().filter(|&&w| w == 0).count() as f64 / 100_000.0;
+        assert!((absent - (-1f64).exp()).abs() < 0.006, "{absent}");
+    }
+}
