@@ -85,26 +85,24 @@ impl DotPattern {
         }
     }
 
-    /// The dots of an image's row whose windows lie within `width` columns, from left to right, as
-    /// (column, dots of its window).
-    pub fn dots_of_row(&self, row: usize, width: usize) -> impl Iterator<Item = (usize, &[u8])> {
-        let dots = &self.rows[row % TILE_HEIGHT];
-        (0..width)
-            .step_by(TILE_WIDTH)
-            .flat_map(|left| {
-                dots.iter()
-                    .map(move |dot| (left + dot.column, &dot.window[..]))
-            })
-            .filter(move |&(column, _)| column >= HALF_WINDOW && column + HALF_WINDOW < width)
+    /// Calls `visit(column, dots of its window)` for the dots of an image's row whose windows lie
+    /// within `width` columns, from left to right.
+    pub fn for_each_dot(&self, row: usize, width: usize, mut visit: impl FnMut(usize, &[u8])) {
+        for left in (0..width).step_by(TILE_WIDTH) {
+            for dot in &self.rows[row % TILE_HEIGHT] {
+                let column = left + dot.column;
+                if (HALF_WINDOW..width - HALF_WINDOW).contains(&column) {
+                    visit(column, &dot.window);
+                }
+            }
+        }
     }
 
-    /// For each pixel of an image's row, which of [`fill_offsets`] lead to dots, as bits.
-    pub fn fill_masks_of_row(&self, row: usize) -> impl Iterator<Item = u32> {
+    /// For the pixels of an image's row and its columns modulo the length of the slice, which of
+    /// [`fill_offsets`] lead to dots, as bits.
+    pub fn fill_masks(&self, row: usize) -> &[u32] {
         let start = row % TILE_HEIGHT * TILE_WIDTH;
-        self.fill_masks[start..start + TILE_WIDTH]
-            .iter()
-            .copied()
-            .cycle()
+        &self.fill_masks[start..start + TILE_WIDTH]
     }
 }
 
@@ -142,7 +140,7 @@ mod tests {
         let pattern = DotPattern::new();
         let mut dots = 0;
         for row in 0..TILE_HEIGHT {
-            for (_, window) in pattern.dots_of_row(row, 4 * TILE_WIDTH) {
+            pattern.for_each_dot(row, 4 * TILE_WIDTH, |_, window| {
                 dots += 1;
                 let offsets = window_offsets();
                 let touching = window.iter().filter(|&&k| {
@@ -150,7 +148,7 @@ mod tests {
                 });
                 assert_eq!(touching.count(), 1, "the dot itself");
                 assert!((4..=14).contains(&window.len()), "as on the Kinect");
-            }
+            });
         }
         // Four tiles side by side, less the margins of half a window.
         let whole = 4 * TILE_WIDTH * TILE_HEIGHT / 9;
@@ -164,7 +162,7 @@ mod tests {
         assert_eq!(offsets.len(), 29);
         assert!(offsets.is_sorted_by_key(|&(x, y)| (x * x + y * y, y, x)));
         for row in 0..TILE_HEIGHT {
-            for mask in pattern.fill_masks_of_row(row).take(TILE_WIDTH) {
+            for mask in pattern.fill_masks(row) {
                 let (x, y) = offsets[mask.trailing_zeros() as usize];
                 assert!(x * x + y * y <= 8);
             }

@@ -20,11 +20,11 @@ pub struct WindowFilter {
     width: usize,
     height: usize,
     pattern: DotPattern,
-    /// Distances of the window's offsets in a disparity image, and of the fill's.
-    window_strides: Vec<isize>,
+    /// For each offset of the window, its distance in a disparity image, and how far from the mean
+    /// a disparity may be there, in codes.
+    window: Vec<(isize, f32)>,
+    /// For each offset of the fill, its distance in a disparity image.
     fill_strides: Vec<isize>,
-    /// For each offset of the window, how far from the window's mean it may be, in codes.
-    tolerances: Vec<f32>,
     /// For each column, the sum over the rows of the window; then the running sum of those.
     column_sums: Vec<u64>,
     running_sums: Vec<u64>,
@@ -54,9 +54,11 @@ impl WindowFilter {
             width,
             height,
             pattern: DotPattern::new(),
-            window_strides: window_offsets().into_iter().map(stride).collect(),
+            window: window_offsets()
+                .into_iter()
+                .map(|o| (stride(o), tolerance(o)))
+                .collect(),
             fill_strides: fill_offsets().into_iter().map(stride).collect(),
-            tolerances: window_offsets().into_iter().map(tolerance).collect(),
             column_sums: vec![0; width],
             running_sums: vec![0; width + 1],
             accepted: vec![0; width * (height + 2 * PADDING)],
@@ -91,18 +93,17 @@ impl WindowFilter {
                 sum = sum.wrapping_add(column);
                 *running = sum;
             }
-            for (column, window) in self.pattern.dots_of_row(row, self.width) {
-                let centre = row * self.width + column;
-                if codes[centre] == 0 {
-                    continue;
-                }
-                let total = self.running_sums[column + HALF_WINDOW + 1]
-                    .wrapping_sub(self.running_sums[column - HALF_WINDOW]);
-                if self.is_accepted(codes, centre, window, total) {
-                    self.accepted[PADDING * self.width + centre] =
-                        disturb(column, row, codes[centre]);
-                }
-            }
+            let accepted = &mut self.accepted[(PADDING + row) * self.width..];
+            self.pattern
+                .for_each_dot(row, self.width, |column, window| {
+                    let centre = row * self.width + column;
+                    let total = self.running_sums[column + HALF_WINDOW + 1]
+                        .wrapping_sub(self.running_sums[column - HALF_WINDOW]);
+                    if codes[centre] > 0 && is_accepted(codes, &self.window, centre, window, total)
+                    {
+                        accepted[column] = disturb(column, row, codes[centre]);
+                    }
+                });
             self.remove_row(codes, row - HALF_WINDOW);
         }
         self.fill(&mut visit);
@@ -122,36 +123,47 @@ impl WindowFilter {
         }
     }
 
-    /// `window` are the indices of the window's dots among its offsets, `total` the sum of its
-    /// pixels as [`counted`].
-    fn is_accepted(&self, codes: &[u16], centre: usize, window: &[u8], total: u64) -> bool {
-        let mean = (total as u32) as f32 / (total >> 32) as f32;
-        let mut inliers = 0u32;
-        for &offset in window {
-            let code = codes[centre.wrapping_add_signed(self.window_strides[offset as usize])];
-            let near = (f32::from(code) - mean).abs() < self.tolerances[offset as usize];
-            inliers += u32::from(code > 0 && near);
-        }
-        inliers as f32 > window.len() as f32 * SHARE
-    }
-
     fn fill(&self, visit: &mut impl FnMut(usize, u16)) {
         for row in 0..self.height {
-            let masks = self.pattern.fill_masks_of_row(row);
-            for (pixel, mask) in (row * self.width..(row + 1) * self.width).zip(masks) {
-                let mut left = mask;
-                while left != 0 {
-                    let stride = self.fill_strides[left.trailing_zeros() as usize];
-                    // A stride past the end of a row leads to the margin of its neighbour, where
-                    // no dot has a whole window.
-                    let place = (PADDING * self.width + pixel).wrapping_add_signed(stride);
-                    if self.accepted[place] > 0 {
-                        visit(pixel, self.accepted[place]);
-                        break;
+            let masks = self.pattern.fill_masks(row);
+            for left in (0..self.width).step_by(masks.len()) {
+                let columns = left..self.width.min(left + masks.len());
+                for (column, &mask) in columns.zip(masks) {
+                    let pixel = row * self.width + column;
+                    let mut offsets = mask;
+                    while offsets != 0 {
+                        let stride = self.fill_strides[offsets.trailing_zeros() as usize];
+                        // A stride past the end of a row leads to the margin of its neighbour,
+                        // where no dot has a whole window.
+                        let dot = (PADDING * self.width + pixel).wrapping_add_signed(stride);
+                        if self.accepted[dot] > 0 {
+                            visit(pixel, self.accepted[dot]);
+                            break;
+                        }
+                        offsets &= offsets - 1;
                     }
-                    left &= left - 1;
                 }
             }
         }
     }
+}
+
+/// Whether enough of a window's dots agree with the mean of its pixels. `window` are the indices of
+/// its dots among the offsets, `total` the sum of its pixels as [`counted`].
+fn is_accepted(
+    codes: &[u16],
+    offsets: &[(isize, f32)],
+    centre: usize,
+    window: &[u8],
+    total: u64,
+) -> bool {
+    let mean = (total as u32) as f32 / (total >> 32) as f32;
+    let mut inliers = 0u32;
+    for &offset in window {
+        let (stride, tolerance) = offsets[offset as usize];
+        let code = codes[centre.wrapping_add_signed(stride)];
+        let near = (f32::from(code) - mean).abs() < tolerance;
+        inliers += u32::from(code > 0) & u32::from(near);
+    }
+    inliers as f32 > window.len() as f32 * SHARE
 }

@@ -35,6 +35,7 @@ pub struct Photographer {
 /// The projector's part of a photographer.
 struct Sensor {
     projector: Projector,
+    width: usize,
     view: ProjectorView,
     /// Disparity in steps, 0 = none.
     codes: Vec<u16>,
@@ -50,16 +51,10 @@ impl Photographer {
         Photographer {
             camera: *camera,
             rasteriser: Rasteriser::new(intrinsics),
-            view: CameraView {
-                inverse_depth: vec![0.0; width * height],
-                labels: Image {
-                    width,
-                    height,
-                    pixels: vec![0; width * height],
-                },
-            },
+            view: CameraView::new(&intrinsics),
             sensor: camera.projector.map(|projector| Sensor {
                 projector,
+                width,
                 view: ProjectorView::new(&intrinsics, projector.baseline_m, camera.range.near_m),
                 codes: vec![0; width * height],
                 filter: WindowFilter::new(width, height, projector.disparity_step_px),
@@ -71,13 +66,10 @@ impl Photographer {
     /// Draws without a sensor: exact depth at pixel centres, at any distance beyond 0.05 m.
     pub fn draw(&mut self, bodies: &[Body]) -> Drawing {
         self.rasteriser.draw(bodies, &mut self.view, None);
+        let metres = |inverse: &f32| 1.0 / inverse;
         Drawing {
-            depth: Image {
-                width: self.camera.intrinsics.width,
-                height: self.camera.intrinsics.height,
-                pixels: self.view.inverse_depth.iter().map(|w| 1.0 / w).collect(),
-            },
-            labels: self.view.labels.clone(),
+            depth: self.image(self.view.inverse_depth().iter().map(metres).collect()),
+            labels: self.image(self.view.labels()),
         }
     }
 
@@ -85,47 +77,70 @@ impl Photographer {
     pub fn photograph(&mut self, bodies: &[Body], noise: &mut Stream) -> Photo {
         let projector_view = self.sensor.as_mut().map(|sensor| &mut sensor.view);
         self.rasteriser.draw(bodies, &mut self.view, projector_view);
-        let pixels = match &mut self.sensor {
-            Some(sensor) => sensor.measure(&self.view, noise),
+        let seen = self.view.inverse_depth();
+        let depth = match &mut self.sensor {
+            Some(sensor) => sensor.measure(seen, noise),
             None => {
-                let depth = |&w: &f32| millimetres(1.0 / f64::from(w), &self.camera);
-                self.view.inverse_depth.iter().map(depth).collect()
+                let depth = |&inverse: &f32| millimetres(1.0 / f64::from(inverse), &self.camera);
+                seen.iter().map(depth).collect()
             }
         };
         Photo {
-            depth: Image {
-                width: self.camera.intrinsics.width,
-                height: self.camera.intrinsics.height,
-                pixels,
-            },
-            labels: self.view.labels.clone(),
+            depth: self.image(depth),
+            labels: self.image(self.view.labels()),
+        }
+    }
+
+    /// Which surfaces get a disparity before the filter: what lies beyond the near end of the range
+    /// and the projector lights. Without a projector, everything that is seen.
+    pub fn lit(&mut self, bodies: &[Body]) -> Image<bool> {
+        let projector_view = self.sensor.as_mut().map(|sensor| &mut sensor.view);
+        self.rasteriser.draw(bodies, &mut self.view, projector_view);
+        let seen = self.view.inverse_depth();
+        let lit = match &mut self.sensor {
+            Some(sensor) => sensor
+                .disparities(seen)
+                .iter()
+                .map(|&code| code > 0)
+                .collect(),
+            None => seen.iter().map(|&inverse| inverse > 0.0).collect(),
+        };
+        self.image(lit)
+    }
+
+    fn image<T>(&self, pixels: Vec<T>) -> Image<T> {
+        Image {
+            width: self.camera.intrinsics.width,
+            height: self.camera.intrinsics.height,
+            pixels,
         }
     }
 }
 
 impl Sensor {
-    /// Depth in mm of each pixel of `seen`.
-    fn measure(&mut self, seen: &CameraView, noise: &mut Stream) -> Vec<u16> {
-        let Image { width, height, .. } = seen.labels;
+    /// The disparity of each pixel, whose inverse depths are `seen`, before the filter.
+    fn disparities(&mut self, seen: &[f32]) -> &[u16] {
         let step = self.projector.disparity_step_px;
-        for row in 0..height {
-            let line = row * width..(row + 1) * width;
-            let seen = &seen.inverse_depth[line.clone()];
-            self.view
-                .disparities(row, seen, step, &mut self.codes[line]);
+        let codes = self.codes.chunks_exact_mut(self.width);
+        for (row, (seen, codes)) in seen.chunks_exact(self.width).zip(codes).enumerate() {
+            self.view.disparities(row, seen, step, codes);
         }
+        &self.codes
+    }
+
+    /// Depth in mm of each pixel, whose inverse depths are `seen`.
+    fn measure(&mut self, seen: &[f32], noise: &mut Stream) -> Vec<u16> {
+        self.disparities(seen);
+        let step = self.projector.disparity_step_px;
         let mut field = NoiseField::new(self.projector.noise, noise);
         let disturb = |column, row, code| {
             let moved = f64::from(code) + field.at(column, row) / step;
             (moved + 0.5) as u16
         };
-        let mut depth = vec![0; width * height];
+        let mut depth = vec![0; seen.len()];
         self.filter.apply(&self.codes, disturb, |pixel, code| {
-            depth[pixel] = self
-                .depth_of_code
-                .get(usize::from(code))
-                .copied()
-                .unwrap_or(0);
+            let mm = self.depth_of_code.get(usize::from(code));
+            depth[pixel] = mm.copied().unwrap_or(0);
         });
         depth
     }

@@ -1,7 +1,7 @@
 //! Drawing triangles into z-buffers of inverse depth. Inverse depth is affine on the screen, so one
 //! gradient a triangle is exact, and a larger value is a nearer surface.
 
-use super::{Body, Intrinsics, LabelImage};
+use super::{Body, Intrinsics};
 use nalgebra::Vector3;
 use std::ops::Range;
 
@@ -11,6 +11,10 @@ pub const NEAR_PLANE: f64 = 0.05;
 /// Columns of the projector's buffer per pixel column. At 2 the borders of shadows are found to
 /// half a pixel; more costs time and changes hardly any pixel.
 const PROJECTOR_OVERSAMPLING: usize = 2;
+
+/// Pixels are drawn in blocks of as many as one baseline vector instruction takes. A buffer is
+/// longer than its image by a block, since the last one of a span may reach past it.
+const LANES: usize = 4;
 
 /// A vertex as the camera sees it.
 #[derive(Clone, Copy, Default)]
@@ -22,10 +26,36 @@ struct ScreenVertex {
     inverse_depth: f64,
 }
 
-/// What the camera sees: inverse depth in 1/m (0 = nothing) and the label of the nearest surface.
+/// What the camera sees.
 pub struct CameraView {
-    pub inverse_depth: Vec<f32>,
-    pub labels: LabelImage,
+    pixels: usize,
+    inverse_depth: Vec<f32>,
+    /// As wide as the depths, so that both are handled by the same vector instructions.
+    labels: Vec<u32>,
+}
+
+impl CameraView {
+    pub fn new(intrinsics: &Intrinsics) -> CameraView {
+        let pixels = intrinsics.width * intrinsics.height;
+        CameraView {
+            pixels,
+            inverse_depth: vec![0.0; pixels + LANES],
+            labels: vec![0; pixels + LANES],
+        }
+    }
+
+    /// 1/m for each pixel; 0 where nothing is seen.
+    pub fn inverse_depth(&self) -> &[f32] {
+        &self.inverse_depth[..self.pixels]
+    }
+
+    /// The label of the nearest surface for each pixel; 0 where nothing is seen.
+    pub fn labels(&self) -> Vec<u8> {
+        self.labels[..self.pixels]
+            .iter()
+            .map(|&label| label as u8)
+            .collect()
+    }
 }
 
 /// What the projector sees: inverse depth in the columns of a camera shifted to its place. Rows and
@@ -39,6 +69,8 @@ pub struct ProjectorView {
     nearest: f32,
     width: usize,
     inverse_depth: Vec<f32>,
+    /// For each pixel of a row, the projector's sample left of it.
+    left_samples: Vec<u32>,
 }
 
 impl ProjectorView {
@@ -52,7 +84,8 @@ impl ProjectorView {
             margin,
             nearest: (1.0 / near) as f32,
             width,
-            inverse_depth: vec![0.0; width * intrinsics.height],
+            inverse_depth: vec![0.0; width * intrinsics.height + LANES],
+            left_samples: vec![0; intrinsics.width],
         }
     }
 
@@ -69,25 +102,42 @@ impl ProjectorView {
     ///
     /// A surface is in shadow when both projector samples beside it are nearer to the projector,
     /// by more than 0.2 % of inverse depth. Asking for both keeps steep sides free of false shadow.
-    pub fn disparities(&self, row: usize, seen: &[f32], step: f64, codes: &mut [u16]) {
+    pub fn disparities(&mut self, row: usize, seen: &[f32], step: f64, codes: &mut [u16]) {
         const TOLERANCE: f32 = 1.002;
         let scale = PROJECTOR_OVERSAMPLING as f32;
         let shift = self.focal_baseline as f32 * scale;
         let margin = self.margin as f32 * scale;
         let steps = (self.focal_baseline / step) as f32;
+        let nearest = self.nearest;
+        let results = self.left_samples.iter_mut().zip(codes.iter_mut());
+        for (column, (&inverse_depth, (left, code))) in seen.iter().zip(results).enumerate() {
+            let inverse_depth = if inverse_depth <= nearest {
+                inverse_depth
+            } else {
+                0.0
+            };
+            let x = column as i32 as f32 * scale + margin - shift * inverse_depth;
+            // Of two equally near samples either may be the left one: both pairs hold the nearest.
+            *left = rounded(x - 0.5);
+            *code = rounded(inverse_depth * steps) as u16;
+        }
         let samples = &self.inverse_depth[row * self.width..(row + 1) * self.width];
-        for ((column, &inverse_depth), code) in (0i32..).zip(seen).zip(codes) {
-            *code = 0;
-            if inverse_depth > 0.0 && inverse_depth <= self.nearest {
-                let left = column as f32 * scale + margin - shift * inverse_depth;
-                let left = left as i32 as usize;
-                let threshold = inverse_depth * TOLERANCE;
-                if samples[left] <= threshold || samples[left + 1] <= threshold {
-                    *code = (inverse_depth * steps + 0.5) as u16;
-                }
+        for ((&left, &inverse_depth), code) in self.left_samples.iter().zip(seen).zip(codes) {
+            let threshold = inverse_depth * TOLERANCE;
+            let beside = &samples[left as usize..left as usize + 2];
+            if beside[0] > threshold && beside[1] > threshold {
+                *code = 0;
             }
         }
     }
+}
+
+/// The nearest integer, for numbers from 0 to 2^22. (Adding 2^23 leaves no bits for a fraction.
+/// Unlike a cast this needs no branches, and several run at once.)
+#[inline(always)]
+fn rounded(x: f32) -> u32 {
+    const ONE_ULP_IS_ONE: f32 = (1 << 23) as f32;
+    (x + ONE_ULP_IS_ONE).to_bits() - ONE_ULP_IS_ONE.to_bits()
 }
 
 /// Draws scenes. Its scratch memory is kept from frame to frame.
@@ -114,7 +164,7 @@ impl Rasteriser {
         mut projector: Option<&mut ProjectorView>,
     ) {
         camera.inverse_depth.fill(0.0);
-        camera.labels.pixels.fill(0);
+        camera.labels.fill(0);
         if let Some(projector) = projector.as_deref_mut() {
             projector.inverse_depth.fill(0.0);
         }
@@ -137,14 +187,19 @@ impl Rasteriser {
             for corners in &body.mesh.triangles {
                 let triangle = corners.map(|i| vertices[i as usize]);
                 if triangle.iter().all(|v| v.inverse_depth > 0.0) {
-                    self.fill(triangle, body.label, camera, projector.as_deref_mut());
+                    self.fill(
+                        triangle,
+                        body.label.into(),
+                        camera,
+                        projector.as_deref_mut(),
+                    );
                 } else if triangle.iter().any(|v| v.inverse_depth > 0.0) {
                     let points = corners.map(|i| in_camera(body.mesh.vertices[i as usize]));
                     let (cut, count) = clip_near(points);
                     let cut = cut.map(|p| self.on_screen(p));
                     for second in 1..count - 1 {
                         let part = [cut[0], cut[second], cut[second + 1]];
-                        self.fill(part, body.label, camera, projector.as_deref_mut());
+                        self.fill(part, body.label.into(), camera, projector.as_deref_mut());
                     }
                 }
             }
@@ -165,32 +220,99 @@ impl Rasteriser {
     fn fill(
         &self,
         triangle: [ScreenVertex; 3],
-        label: u8,
+        label: u32,
         camera: &mut CameraView,
         projector: Option<&mut ProjectorView>,
     ) {
         let (width, height) = (self.intrinsics.width, self.intrinsics.height);
-        let depths = &mut camera.inverse_depth;
-        let labels = &mut camera.labels.pixels;
         for_each_span(width, height, triangle, |span, first, step| {
-            let labels = &mut labels[span.clone()];
-            for ((i, old), old_label) in (0i32..).zip(&mut depths[span]).zip(labels) {
-                let new = first + step * i as f32;
-                let nearer = new > *old;
-                *old = if nearer { new } else { *old };
-                *old_label = if nearer { label } else { *old_label };
+            let mut run = Run::new(first, step, span.len());
+            let (depths, _) = camera.inverse_depth[whole_blocks(&span)].as_chunks_mut::<LANES>();
+            let (labels, _) = camera.labels[whole_blocks(&span)].as_chunks_mut::<LANES>();
+            for (depths, labels) in depths.iter_mut().zip(labels) {
+                let new = run.next();
+                let nearer = compare(&new, depths);
+                for k in 0..LANES {
+                    depths[k] = if new[k] > depths[k] {
+                        new[k]
+                    } else {
+                        depths[k]
+                    };
+                }
+                for k in 0..LANES {
+                    labels[k] = (label & nearer[k]) | (labels[k] & !nearer[k]);
+                }
             }
         });
         if let Some(projector) = projector {
             let triangle = triangle.map(|v| projector.from_camera(v));
-            let depths = &mut projector.inverse_depth;
             for_each_span(projector.width, height, triangle, |span, first, step| {
-                for (i, old) in (0i32..).zip(&mut depths[span]) {
-                    let new = first + step * i as f32;
-                    *old = if new > *old { new } else { *old };
+                let mut run = Run::new(first, step, span.len());
+                let blocks = &mut projector.inverse_depth[whole_blocks(&span)];
+                for depths in blocks.as_chunks_mut::<LANES>().0 {
+                    let new = run.next();
+                    for k in 0..LANES {
+                        depths[k] = if new[k] > depths[k] {
+                            new[k]
+                        } else {
+                            depths[k]
+                        };
+                    }
                 }
             });
         }
+    }
+}
+
+#[inline(always)]
+fn whole_blocks(span: &Range<usize>) -> Range<usize> {
+    span.start..span.start + span.len().next_multiple_of(LANES)
+}
+
+/// All bits are set where `new` is larger than `old`.
+#[inline(always)]
+fn compare(new: &[f32; LANES], old: &[f32; LANES]) -> [u32; LANES] {
+    let mut larger = [0; LANES];
+    for k in 0..LANES {
+        larger[k] = if new[k] > old[k] { !0 } else { 0 };
+    }
+    larger
+}
+
+/// Inverse depths along a span, block by block.
+struct Run {
+    first: f32,
+    step: f32,
+    length: f32,
+    /// Of the next block's pixels, counted from the start of the span. (Kept as floats, which also
+    /// keeps the compiler from merging blocks, a loss for the short spans of small triangles.)
+    position: [f32; LANES],
+}
+
+impl Run {
+    #[inline(always)]
+    fn new(first: f32, step: f32, length: usize) -> Run {
+        Run {
+            first,
+            step,
+            length: length as i32 as f32,
+            position: [0.0, 1.0, 2.0, 3.0],
+        }
+    }
+
+    /// The next block; 0 past the end of the span, where it changes nothing.
+    #[inline(always)]
+    fn next(&mut self) -> [f32; LANES] {
+        let at = |i| {
+            if i < self.length {
+                self.first + self.step * i
+            } else {
+                0.0
+            }
+        };
+        let block = self.position.map(at);
+        self.position = self.position.map(|i| i + LANES as f32);
+        block
     }
 }
 
@@ -248,7 +370,7 @@ fn for_each_span(
     let rows = first_centre(top.y, height)..first_centre(bottom.y, height);
     let left_most = a.x.min(b.x).min(c.x);
     let right_most = a.x.max(b.x).max(c.x);
-    if rows.is_empty() || first_centre(left_most, width) == first_centre(right_most, width) {
+    if rows.is_empty() || right_most <= 0.0 || left_most >= width as f64 {
         return;
     }
     let (ab, ac) = (
@@ -257,12 +379,16 @@ fn for_each_span(
     );
     let along_x = (ab * (c.y - a.y) - ac * (b.y - a.y)) / area;
     let along_y = (ac * (b.x - a.x) - ab * (c.x - a.x)) / area;
-    let at_origin = a.inverse_depth - along_x * a.x - along_y * a.y;
+    // Inverse depth at column 0 of the current row.
+    let mut at_column_0 =
+        a.inverse_depth - along_x * a.x + along_y * (rows.start as i32 as f64 - a.y);
 
-    let slope = |p: ScreenVertex, q: ScreenVertex| (q.x - p.x) / (q.y - p.y);
-    let long = slope(top, bottom);
     let middle_row = first_centre(middle.y, height);
-    let middle_is_left = middle.x < top.x + (middle.y - top.y) * long;
+    let long = Edge::new(top, bottom, rows.start);
+    // The middle corner lies left of the long edge when the way over it turns like the triangle.
+    let middle_is_left =
+        (middle.x - top.x) * (bottom.y - top.y) < (bottom.x - top.x) * (middle.y - top.y);
+    let (mut left, mut right) = (long, long);
     for (from, to, rows) in [
         (top, middle, rows.start..middle_row),
         (middle, bottom, middle_row..rows.end),
@@ -270,26 +396,55 @@ fn for_each_span(
         if rows.is_empty() {
             continue;
         }
-        let short = slope(from, to);
+        let short = Edge::new(from, to, rows.start);
+        if middle_is_left {
+            left = short;
+        } else {
+            right = short;
+        }
         for row in rows {
-            let y = row as i32 as f64;
-            let on_long = top.x + (y - top.y) * long;
-            let on_short = from.x + (y - from.y) * short;
-            let (left, right) = if middle_is_left {
-                (on_short, on_long)
-            } else {
-                (on_long, on_short)
-            };
-            let (start, end) = (first_centre(left, width), first_centre(right, width));
+            let (start, end) = (left.first_centre(width), right.first_centre(width));
             if start < end {
-                let first = at_origin + along_x * start as i32 as f64 + along_y * y;
+                let first = at_column_0 + along_x * f64::from(start as i32);
                 span(
                     row * width + start..row * width + end,
                     first as f32,
                     along_x as f32,
                 );
             }
+            at_column_0 += along_y;
+            left.x = left.x.wrapping_add(left.step);
+            right.x = right.x.wrapping_add(right.step);
         }
+    }
+}
+
+/// Where an edge crosses the rows, one after the other, in fixed point.
+#[derive(Clone, Copy)]
+struct Edge {
+    x: i64,
+    step: i64,
+}
+
+const FRACTION_BITS: u32 = 28;
+
+impl Edge {
+    /// From its upper end and its lower one, at the given row.
+    #[inline(always)]
+    fn new(top: ScreenVertex, bottom: ScreenVertex, row: usize) -> Edge {
+        let slope = (bottom.x - top.x) / (bottom.y - top.y);
+        let x = top.x + (row as i32 as f64 - top.y) * slope;
+        let one = f64::from(1 << FRACTION_BITS);
+        Edge {
+            x: (x * one) as i64,
+            step: (slope * one) as i64,
+        }
+    }
+
+    #[inline(always)]
+    fn first_centre(self, limit: usize) -> usize {
+        const ROUND_UP: i64 = (1 << FRACTION_BITS) - 1;
+        (self.x.wrapping_add(ROUND_UP) >> FRACTION_BITS).clamp(0, limit as i64) as usize
     }
 }
 
