@@ -112,6 +112,15 @@ pub fn loft(axis: Axis, sections: &[(f64, Outline)]) -> Mesh {
     place(axis, sections, triangles)
 }
 
+/// The loft and its mirror image at negative heights.
+pub fn loft_both(axis: Axis, sections: &[(f64, Outline)]) -> [Mesh; 2] {
+    let negative = sections.iter().rev().map(|(h, o)| (-h, o.clone()));
+    [
+        loft(axis, sections),
+        loft(axis, &negative.collect::<Vec<_>>()),
+    ]
+}
+
 /// A straight tube: a disc with a round bore, extruded.
 pub fn ring(axis: Axis, centre: [f64; 2], [inner, outer]: [f64; 2], heights: [f64; 2]) -> Mesh {
     let [low, high] = heights;
@@ -130,12 +139,12 @@ pub fn tube(axis: Axis, sections: &[(f64, Outline)]) -> Mesh {
     place(axis, &closed, walls(sections[0].1.len(), closed.len())).welded()
 }
 
-/// The part of a disc within a rectangle about the same centre, by half widths: 40 points, the
+/// The part of a disc within a rectangle about the same centre, by half widths: 32 points, the
 /// rectangle's corners among their directions.
 pub fn clipped_disc(half: [f64; 2], radius: f64) -> Outline {
     let corner = half[1].atan2(half[0]);
     let corners = [-corner, corner, PI - corner, PI + corner, TAU - corner];
-    let steps = 10;
+    let steps = 8;
     (0..4 * steps)
         .map(|i| {
             let (side, part) = (i / steps, (i % steps) as f64 / steps as f64);
@@ -248,12 +257,8 @@ fn clip_ears(outline: &Outline) -> Vec<[u32; 3]> {
 /// The solid of revolution through circles of `[radius, height]` about an axis of its own, with
 /// flat ends; heights ascend.
 pub fn turned(axis: Axis, centre: [f64; 2], profile: &[[f64; 2]]) -> Mesh {
-    let n = sides(
-        profile
-            .iter()
-            .map(|[radius, _]| *radius)
-            .fold(0.0, f64::max),
-    );
+    let widest = profile.iter().fold(0.0, |r: f64, p| r.max(p[0]));
+    let n = sides(widest);
     let section = |&[radius, height]: &[f64; 2]| (height, regular(centre, radius, n));
     loft(axis, &profile.iter().map(section).collect::<Vec<_>>())
 }

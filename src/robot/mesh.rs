@@ -47,25 +47,7 @@ impl Mesh {
     /// The same surface with every position stored once, in the order of first use. Triangles that
     /// name one position twice have no area and are left out.
     pub fn welded(&self) -> Mesh {
-        let mut place = HashMap::new();
-        let mut welded = Mesh::default();
-        for triangle in &self.triangles {
-            let corners = triangle.map(|i| {
-                let v = self.vertices[i as usize];
-                // Adding zero makes -0 and 0 one position.
-                *place
-                    .entry(v.map(|x| (x + 0.0).to_bits()))
-                    .or_insert_with(|| {
-                        welded.vertices.push(v);
-                        welded.vertices.len() as u32 - 1
-                    })
-            });
-            let [a, b, c] = corners;
-            if a != b && b != c && c != a {
-                welded.triangles.push(corners);
-            }
-        }
-        welded
+        weld(&self.vertices, &self.triangles)
     }
 
     /// The connected pieces: triangles that share a vertex position belong together. Pieces stand
@@ -88,21 +70,41 @@ impl Mesh {
                 parent[from as usize] = to;
             }
         }
-        let mut pieces: Vec<Mesh> = Vec::new();
+        let mut pieces: Vec<Vec<[u32; 3]>> = Vec::new();
         let mut piece_of_root = HashMap::new();
         for triangle in &whole.triangles {
             let root = find(&mut parent, triangle[0]);
             let piece = *piece_of_root.entry(root).or_insert_with(|| {
-                pieces.push(Mesh {
-                    vertices: whole.vertices.clone(),
-                    triangles: Vec::new(),
-                });
+                pieces.push(Vec::new());
                 pieces.len() - 1
             });
-            pieces[piece].triangles.push(*triangle);
+            pieces[piece].push(*triangle);
         }
-        pieces.iter().map(Mesh::welded).collect()
+        let piece = |triangles: &Vec<_>| weld(&whole.vertices, triangles);
+        pieces.iter().map(piece).collect()
     }
+}
+
+/// The vertices that the triangles use, each position once.
+fn weld(vertices: &[[f32; 3]], triangles: &[[u32; 3]]) -> Mesh {
+    let mut place = HashMap::new();
+    let mut welded = Mesh::default();
+    for triangle in triangles {
+        let corners = triangle.map(|i| {
+            let v = vertices[i as usize];
+            // Adding zero makes -0 and 0 one position.
+            let position = v.map(|x| (x + 0.0).to_bits());
+            *place.entry(position).or_insert_with(|| {
+                welded.vertices.push(v);
+                welded.vertices.len() as u32 - 1
+            })
+        });
+        let [a, b, c] = corners;
+        if a != b && b != c && c != a {
+            welded.triangles.push(corners);
+        }
+    }
+    welded
 }
 
 #[cfg(test)]

@@ -89,7 +89,9 @@ fn read(path: &Path) -> Result<Robot, UrdfProblem> {
     let link_index = index_by_name("link", urdf.links.iter().map(|l| l.name.as_str()))?;
     index_by_name("joint", urdf.joints.iter().map(|j| j.name.as_str()))?;
     let joints = in_tree_order(&urdf, read_joints(&urdf, &link_index)?)?;
-    let folder = path.parent().unwrap_or(Path::new(""));
+    // The parent of a bare file name is the empty path.
+    let folder = path.parent().filter(|folder| *folder != Path::new(""));
+    let folder = folder.unwrap_or(Path::new("."));
     let links = urdf
         .links
         .iter()
