@@ -13,7 +13,7 @@ use toml::{Spanned, Table, Value};
 /// the mistake, and the nearest known key.
 #[derive(Debug, thiserror::Error)]
 pub enum TomlError {
-    #[error("cannot read {path}: {source}", path = path.display())]
+    #[error("cannot read {path}", path = path.display())]
     Read {
         path: PathBuf,
         source: std::io::Error,

@@ -1,7 +1,14 @@
 //! Figures as plain data: panels that hold marks on axes, or depth images. [`Figure::svg`] and
 //! [`Figure::png`] draw the same picture.
 
+mod axes;
+mod canvas;
+mod draw;
+
 use crate::camera::DepthImage;
+use canvas::Canvas;
+pub use canvas::FigureError;
+use plotters::prelude::{BitMapBackend, SVGBackend};
 
 /// Panels in rows below a title and above a caption.
 #[derive(Debug, Clone)]
@@ -31,7 +38,7 @@ pub struct DepthPanel {
     pub range_mm: (u16, u16),
 }
 
-/// Marks on a pair of axes. The legend stands outside, to the right, when any mark has a label.
+/// Marks on a pair of axes. The figure has one legend below all panels.
 #[derive(Debug, Clone)]
 pub struct Plot {
     pub title: String,
@@ -135,3 +142,253 @@ pub const PALETTE: [(u8, u8, u8); 8] = [
     (240, 228, 66),
     (0, 0, 0),
 ];
+
+/// The colour map viridis, linear between ten of its colours: 0 is dark, 1 is bright. It looks
+/// evenly spaced, also in grey and to people with any kind of colour vision.
+pub fn viridis(share: f64) -> [u8; 3] {
+    const COLOURS: [[f64; 3]; 10] = [
+        [68.0, 1.0, 84.0],
+        [72.0, 40.0, 120.0],
+        [62.0, 73.0, 137.0],
+        [49.0, 104.0, 142.0],
+        [38.0, 130.0, 142.0],
+        [31.0, 158.0, 137.0],
+        [53.0, 183.0, 121.0],
+        [110.0, 206.0, 88.0],
+        [181.0, 222.0, 43.0],
+        [253.0, 231.0, 37.0],
+    ];
+    let position = share.clamp(0.0, 1.0) * 9.0;
+    let below = (position as usize).min(8);
+    let part = position - below as f64;
+    std::array::from_fn(|c| {
+        let (from, to) = (COLOURS[below][c], COLOURS[below + 1][c]);
+        (from + (to - from) * part).round() as u8
+    })
+}
+
+/// A bitmap is drawn this much larger and averaged, so that edges are smooth.
+const OVERSAMPLING: usize = 2;
+
+impl Figure {
+    /// An SVG document.
+    pub fn svg(&self) -> Result<String, FigureError> {
+        let mut text = String::new();
+        let canvas = Canvas::new(SVGBackend::with_string(&mut text, self.size), 1.0)?;
+        draw::draw(self, &canvas)?;
+        canvas.finish()?;
+        // plotters embeds pictures under a media type that is none.
+        Ok(text.replace("data:png;base64,", "data:image/png;base64,"))
+    }
+
+    /// An 8-bit RGB PNG file.
+    pub fn png(&self) -> Result<Vec<u8>, FigureError> {
+        let (width, height) = (self.size.0 as usize, self.size.1 as usize);
+        let row = width * OVERSAMPLING * 3;
+        let mut large = vec![0; row * height * OVERSAMPLING];
+        let size = (
+            self.size.0 * OVERSAMPLING as u32,
+            self.size.1 * OVERSAMPLING as u32,
+        );
+        let canvas = Canvas::new(
+            BitMapBackend::with_buffer(&mut large, size),
+            OVERSAMPLING as f64,
+        )?;
+        draw::draw(self, &canvas)?;
+        canvas.finish()?;
+
+        let mut small = Vec::with_capacity(width * height * 3);
+        for rows in large.chunks_exact(row * OVERSAMPLING) {
+            for x in 0..width {
+                for channel in 0..3 {
+                    let samples = (0..OVERSAMPLING * OVERSAMPLING).map(|i| {
+                        let (dx, dy) = (i % OVERSAMPLING, i / OVERSAMPLING);
+                        u32::from(rows[dy * row + (x * OVERSAMPLING + dx) * 3 + channel])
+                    });
+                    small.push((samples.sum::<u32>() / (OVERSAMPLING * OVERSAMPLING) as u32) as u8);
+                }
+            }
+        }
+        let mut file = Vec::new();
+        let mut encoder = png::Encoder::new(&mut file, self.size.0, self.size.1);
+        encoder.set_color(png::ColorType::Rgb);
+        encoder.set_depth(png::BitDepth::Eight);
+        let mut writer = encoder.write_header().map_err(FigureError::new)?;
+        writer.write_image_data(&small).map_err(FigureError::new)?;
+        writer.finish().map_err(FigureError::new)?;
+        Ok(file)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::camera::Image;
+
+    fn figure() -> Figure {
+        let points: Vec<(f64, f64)> = (1..=10)
+            .map(|i| (i as f64, 40.0 / f64::from(i).sqrt()))
+            .collect();
+        let band = points.iter().map(|&(x, y)| (x, y - 2.0, y + 2.0)).collect();
+        let other: Vec<(f64, f64)> = points.iter().map(|&(x, y)| (x, 0.8 * y + 3.0)).collect();
+        let errors = other.iter().map(|&(x, y)| (x, y - 1.5, y + 1.5)).collect();
+        let curves = Plot {
+            title: "Error over the number of trees".to_owned(),
+            x: Axis::new("trees").log(),
+            y: Axis::new("mean absolute error (deg)").including(0.0, 0.0),
+            marks: vec![
+                Mark::new("MSE", 0, Shape::Band(band)),
+                Mark::new("MSE", 0, Shape::Line(points.clone())),
+                Mark::new("WSC", 1, Shape::Errors(errors)),
+                Mark::new("WSC", 1, Shape::Line(other)),
+                Mark::new(
+                    "",
+                    2,
+                    Shape::Dashed(points.iter().map(|p| (p.0, 5.0 + p.0)).collect()),
+                ),
+                Mark::new("constant mean pose", 7, Shape::Level(41.0)),
+            ],
+        };
+        let joints = [
+            "R_SFE", "R_SAA", "R_HR", "R_EB", "R_WR", "R_WFE", "R_WAA", "R_FR",
+        ];
+        let bars = |offset: f64| {
+            let bar = |i: usize| {
+                (
+                    20.0 + offset + i as f64,
+                    Some((18.0 + offset, 23.0 + offset + i as f64)),
+                )
+            };
+            Shape::Bars((0..joints.len()).map(bar).collect())
+        };
+        let per_joint = Plot {
+            title: "Error of each joint".to_owned(),
+            x: Axis::of("joint", joints),
+            y: Axis::new("mean absolute error (deg)"),
+            marks: vec![
+                Mark::new("MSE", 0, bars(0.0)),
+                Mark::new("WSC", 1, bars(3.0)),
+                Mark::new("MSPD", 2, bars(5.0)),
+            ],
+        };
+        let scatter = Plot {
+            title: "Visible arm pixels".to_owned(),
+            x: Axis::new("visible pixels of the right arm").log(),
+            y: Axis::new("error (deg)"),
+            marks: vec![Mark::new(
+                "an image",
+                5,
+                Shape::Scatter(
+                    (1..150)
+                        .map(|i| {
+                            (
+                                f64::from(i * i),
+                                60.0 / f64::from(i).sqrt() + f64::from(i * 7 % 13),
+                            )
+                        })
+                        .collect(),
+                ),
+            )],
+        };
+        let histogram = Plot {
+            title: "Sampled angles of R_SFE".to_owned(),
+            x: Axis::new("angle (rad)"),
+            y: Axis::new("images"),
+            marks: vec![Mark::new(
+                "",
+                4,
+                Shape::Histogram {
+                    edges: (0..=20).map(|i| -2.0 + f64::from(i) * 0.2).collect(),
+                    heights: (0..20).map(|i| f64::from(10 + i * 7 % 5)).collect(),
+                },
+            )],
+        };
+        let depth = DepthPanel {
+            title: "Depth".to_owned(),
+            image: Image {
+                width: 64,
+                height: 48,
+                pixels: (0..64 * 48)
+                    .map(|i| {
+                        if i % 64 < 8 {
+                            0
+                        } else {
+                            500 + (i % 64) as u16 * 40
+                        }
+                    })
+                    .collect(),
+            },
+            range_mm: (500, 3100),
+        };
+        let long_names = Plot {
+            title: String::new(),
+            x: Axis::of(
+                "",
+                (0..6).map(|i| format!("a condition with a long name {i}")),
+            ),
+            y: Axis::new("y (mm)"),
+            marks: vec![Mark::new(
+                "",
+                3,
+                Shape::Bars((0..6).map(|i| (f64::from(i) - 2.0, None)).collect()),
+            )],
+        };
+        Figure {
+            title: "Everything that a figure can hold".to_owned(),
+            caption: "Bands and error bars are one standard deviation over 5 folds; the dashed line is the constant pose that a method must beat, and this caption is long enough to need two lines.".to_owned(),
+            panels: vec![
+                Panel::Plot(curves),
+                Panel::Plot(per_joint),
+                Panel::Plot(scatter),
+                Panel::Plot(histogram),
+                Panel::Depth(depth),
+                Panel::Plot(long_names),
+            ],
+            columns: 3,
+            size: (1800, 1200),
+        }
+    }
+
+    #[test]
+    fn figures_are_the_same_bits_every_time() {
+        let figure = figure();
+        let (svg, png) = (figure.svg().unwrap(), figure.png().unwrap());
+        if let Some(folder) = std::env::var_os("ARMPOSE_LOOK") {
+            std::fs::write(std::path::Path::new(&folder).join("figure.png"), &png).unwrap();
+            std::fs::write(std::path::Path::new(&folder).join("figure.svg"), &svg).unwrap();
+        }
+        assert_eq!(svg, figure.svg().unwrap());
+        assert_eq!(png, figure.png().unwrap());
+        for text in [
+            "Error of each joint",
+            "constant mean pose",
+            "R_WAA",
+            "0.5 m",
+            "data:image/png",
+        ] {
+            assert!(svg.contains(text), "{text}");
+        }
+    }
+
+    #[test]
+    fn an_empty_figure_is_drawn() {
+        let plot = Plot {
+            title: String::new(),
+            x: Axis::new("x").log(),
+            y: Axis::new("y"),
+            marks: vec![
+                Mark::new("a", 0, Shape::Line(vec![(f64::NAN, 1.0)])),
+                Mark::new("b", 0, Shape::Band(vec![])),
+            ],
+        };
+        let figure = Figure {
+            title: String::new(),
+            caption: String::new(),
+            panels: vec![Panel::Plot(plot)],
+            columns: 1,
+            size: (300, 200),
+        };
+        figure.svg().unwrap();
+        figure.png().unwrap();
+    }
+}

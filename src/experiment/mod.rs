@@ -12,10 +12,15 @@
 //! empty folder to write into; [`cache`] does the rest. When the code changes what comes out, raise
 //! the version in its [`task::Stage`].
 
+pub mod bounds;
 pub mod cache;
 pub mod claims;
 pub mod figure;
+pub mod manifest;
+pub mod plan;
+pub mod progress;
 pub mod recipe;
+pub mod runner;
 pub mod statistics;
 pub mod study;
 pub mod table;

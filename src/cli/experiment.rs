@@ -1,0 +1,184 @@
+//! `armpose experiment`: list, show and run studies.
+
+use super::{cache, command_line, repository, request, say, use_threads};
+use anyhow::{Result, bail};
+use armpose::experiment::claims::ClaimResult;
+use armpose::experiment::kinds;
+use armpose::experiment::runner::Run;
+use armpose::experiment::study::{self, LoadedStudy, Profile, Report, Request};
+use armpose::experiment::table::Table;
+use std::path::{Path, PathBuf};
+use std::process::ExitCode;
+
+/// Run studies of the paper: `experiment fig9`, `experiment all`; or `experiment list`,
+/// `experiment show fig9`
+///
+/// Work that was done before is taken from data/cache. A run that was stopped goes on where it was.
+/// For each study, results/<PROFILE>/<STUDY>/ holds data, tables, figures, the verdicts on the
+/// paper's claims, and a manifest of how they came about.
+#[derive(clap::Args)]
+#[command(override_usage = "armpose experiment [OPTIONS] <STUDY>...\n       \
+    armpose experiment [OPTIONS] all\n       \
+    armpose experiment list\n       \
+    armpose experiment show <STUDY>...")]
+pub struct Arguments {
+    /// Names of studies, or `all`, or `list`, or `show` and names
+    #[arg(required = true, value_name = "STUDY")]
+    words: Vec<String>,
+    /// How much data: seconds, minutes, or the sizes of the paper
+    #[arg(long, value_enum, default_value = "paper")]
+    profile: Profile,
+    /// Print what would run, what is cached and why not, and run nothing
+    #[arg(long)]
+    plan: bool,
+    /// Change a parameter of the study, such as `forest.trees=3`; may be repeated
+    #[arg(long, value_name = "KEY=VALUE")]
+    set: Vec<String>,
+    /// Threads to use; the results do not depend on it [default: one for each core]
+    #[arg(long, value_parser = clap::value_parser!(u16).range(1..))]
+    threads: Option<u16>,
+    /// Master seed of all random choices
+    #[arg(long, default_value_t = 1)]
+    seed: u64,
+    /// Where the results go [default: results/<PROFILE>, or results/custom when --set or --seed
+    /// make them another experiment]
+    #[arg(long, value_name = "FOLDER")]
+    out: Option<PathBuf>,
+}
+
+pub fn run(arguments: &Arguments) -> Result<ExitCode> {
+    let request = Request {
+        overrides: arguments.set.clone(),
+        ..request(arguments.profile, arguments.seed)?
+    };
+    let words: Vec<&str> = arguments.words.iter().map(String::as_str).collect();
+    match words[..] {
+        ["list"] => list(&request)?,
+        ["show"] => bail!("which study? `armpose experiment list` shows all"),
+        ["show", ref ids @ ..] => {
+            for study in read(&request, ids)? {
+                say(&show(&study)?)?;
+            }
+        }
+        ["all"] => {
+            let ids = study::ids(&request.root)?;
+            let ids: Vec<&str> = ids.iter().map(String::as_str).collect();
+            execute(arguments, &request, &ids)?;
+        }
+        ref ids => execute(arguments, &request, ids)?,
+    }
+    Ok(ExitCode::SUCCESS)
+}
+
+fn read(request: &Request, ids: &[&str]) -> Result<Vec<LoadedStudy>> {
+    let kinds = kinds();
+    ids.iter()
+        .map(|id| study::read(&kinds, request, id))
+        .collect()
+}
+
+fn execute(arguments: &Arguments, request: &Request, ids: &[&str]) -> Result<()> {
+    use_threads(arguments.threads.map(usize::from))?;
+    let studies = read(request, ids)?;
+    let is_custom = !request.overrides.is_empty() || request.seed != 1;
+    let folder = if is_custom {
+        "custom"
+    } else {
+        request.profile.name()
+    };
+    let default = || request.root.join("results").join(folder);
+    let run = Run {
+        request,
+        cache: &cache(request),
+        out: &arguments.out.clone().unwrap_or_else(default),
+        command: &command_line(),
+    };
+    if arguments.plan {
+        return say(&run.plan(&studies)?.describe(run.cache));
+    }
+    run.execute(&studies, |study, report, folder| {
+        say(&describe(study, report, folder))
+    })
+}
+
+/// What is printed when a study is done.
+fn describe(study: &LoadedStudy, report: &Report, folder: &Path) -> String {
+    let here = std::env::current_dir().unwrap_or_default();
+    let folder = folder.strip_prefix(&here).unwrap_or(folder);
+    let mut text = format!(
+        "\n{}: {}\n\n{}\n",
+        study.id,
+        study.title,
+        report.text.trim_end()
+    );
+    text.push_str(&format!("\n{}\n", study.analysis.trim()));
+    for (name, _) in &report.figures {
+        text.push_str(&format!(
+            "figure: {}\n",
+            folder.join(format!("{name}.png")).display()
+        ));
+    }
+    for claim in &report.claims {
+        text.push_str(&format!(
+            "claim {}: {} (paper: {}; ours: {}; n = {})\n",
+            claim.id, claim.verdict, claim.paper, claim.ours, claim.n
+        ));
+    }
+    text
+}
+
+fn show(study: &LoadedStudy) -> Result<String> {
+    Ok(format!(
+        "{}: {}\npaper: section {}, {}\nkind: {}\nfile: {}\n\n{}\n\n{}\n\n{}\n",
+        study.id,
+        study.title,
+        study.paper.section,
+        study.paper.exhibit,
+        study.kind,
+        study.file.display(),
+        study.question.trim(),
+        study.analysis.trim(),
+        toml::to_string(&study.parameters)?,
+    ))
+}
+
+fn list(request: &Request) -> Result<()> {
+    let ids = study::ids(&request.root)?;
+    let ids: Vec<&str> = ids.iter().map(String::as_str).collect();
+    let mut table = Table::new(["study", "paper", "title", "claims at the paper's scale"]);
+    for study in read(request, &ids)? {
+        table.push([
+            study.id.as_str().into(),
+            study.paper.exhibit.into(),
+            study.title.into(),
+            verdicts(&study.id)?.into(),
+        ]);
+    }
+    say(&table.to_text())
+}
+
+/// A count of each verdict, as "3 reproduced, 1 not".
+fn verdicts(id: &str) -> Result<String> {
+    let path = repository()?
+        .join("results/paper")
+        .join(id)
+        .join("claims.json");
+    let Ok(text) = std::fs::read_to_string(&path) else {
+        return Ok("not run yet".to_owned());
+    };
+    let Ok(claims) = serde_json::from_str::<Vec<ClaimResult>>(&text) else {
+        return Ok(format!("{} is broken", path.display()));
+    };
+    let mut counts: Vec<(String, usize)> = Vec::new();
+    for claim in claims {
+        let verdict = claim.verdict.to_string();
+        match counts.iter_mut().find(|(known, _)| *known == verdict) {
+            Some((_, count)) => *count += 1,
+            None => counts.push((verdict, 1)),
+        }
+    }
+    let counts = counts
+        .iter()
+        .map(|(verdict, count)| format!("{count} {verdict}"));
+    Ok(counts.collect::<Vec<_>>().join(", "))
+}

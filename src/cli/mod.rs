@@ -1,0 +1,94 @@
+//! The command line. Results go to stdout, everything else to stderr. Exit codes: 0 all is well, 1 a
+//! check failed, 2 a mistake of the user or a run that failed.
+
+mod bounds;
+mod check;
+mod experiment;
+
+use anyhow::{Context, Result};
+use armpose::experiment::cache::Cache;
+use armpose::experiment::study::{Profile, Request};
+use clap::{Parser, Subcommand};
+use std::io::{ErrorKind, Write};
+use std::path::{Path, PathBuf};
+use std::process::ExitCode;
+
+/// Estimates the joint angles of a robot arm from a depth image, and reproduces the studies of
+/// Widmaier et al., ICRA 2016.
+#[derive(Parser)]
+#[command(version)]
+struct Arguments {
+    #[command(subcommand)]
+    command: Command,
+}
+
+#[derive(Subcommand)]
+enum Command {
+    Experiment(experiment::Arguments),
+    Check(check::Arguments),
+    Bounds(bounds::Arguments),
+}
+
+pub fn main() -> ExitCode {
+    let result = match Arguments::parse().command {
+        Command::Experiment(arguments) => experiment::run(&arguments),
+        Command::Check(arguments) => check::run(&arguments),
+        Command::Bounds(arguments) => bounds::run(&arguments),
+    };
+    result.unwrap_or_else(|error| {
+        eprintln!("armpose: {error:#}");
+        ExitCode::from(2)
+    })
+}
+
+/// Writes to stdout. Nobody listening any more, as in `armpose ... | head`, is not an error.
+fn say(text: &str) -> Result<()> {
+    let mut stdout = std::io::stdout().lock();
+    match stdout
+        .write_all(text.as_bytes())
+        .and_then(|()| stdout.flush())
+    {
+        Err(error) if error.kind() != ErrorKind::BrokenPipe => {
+            Err(error).context("cannot write to stdout")
+        }
+        _ => Ok(()),
+    }
+}
+
+/// The repository: the nearest folder from here upward that has studies, or else the one that this
+/// program was built in.
+fn repository() -> Result<PathBuf> {
+    let here = std::env::current_dir().context("cannot tell the current folder")?;
+    let is_repository =
+        |p: &&Path| p.join("Cargo.toml").is_file() && p.join("experiments").is_dir();
+    let found = here.ancestors().find(is_repository);
+    Ok(found
+        .unwrap_or(Path::new(env!("CARGO_MANIFEST_DIR")))
+        .to_owned())
+}
+
+fn request(profile: Profile, seed: u64) -> Result<Request> {
+    Ok(Request {
+        root: repository()?,
+        profile,
+        overrides: Vec::new(),
+        seed,
+    })
+}
+
+fn cache(request: &Request) -> Cache {
+    Cache::new(&request.root.join("data/cache"))
+}
+
+/// All work uses `threads` threads; without a number, one for each core.
+fn use_threads(threads: Option<usize>) -> Result<()> {
+    let pool = rayon::ThreadPoolBuilder::new().num_threads(threads.unwrap_or(0));
+    pool.build_global().context("cannot start the threads")
+}
+
+fn command_line() -> Vec<String> {
+    let arguments = std::env::args_os();
+    arguments
+        .map(|a| a.to_string_lossy().into_owned())
+        .collect()
+}
