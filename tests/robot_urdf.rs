@@ -1,5 +1,6 @@
 //! Reading URDF files: what works, and one clear message for what does not.
 
+use armpose::random::{below, stream};
 use armpose::robot::{Motion, Robot, RobotError, UrdfProblem};
 use std::path::{Path, PathBuf};
 
@@ -128,6 +129,42 @@ fn a_damaged_mesh_is_an_error() {
         );
         let error = error.map(|_| ()).expect_err(name);
         assert!(matches!(error.problem, UrdfProblem::Mesh { .. }), "{error}");
+    }
+}
+
+/// Whatever a file holds, reading it ends with a robot or an error.
+#[test]
+fn corrupted_files_never_cause_a_panic() {
+    let data = Path::new(env!("CARGO_MANIFEST_DIR")).join("data/robots/arm");
+    let stl = std::fs::read(data.join("meshes/torso.stl")).unwrap();
+    let obj = b"o box\nv 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nf 1 2 3\nf 1//2 2 3 4\n".to_vec();
+    let body = visual("<box size=\"1 2 3\"/>")
+        + &links("b c")
+        + &joint("j", "a", "b", "<origin xyz=\"1 2 3\" rpy=\"4 5 6\"/>")
+        + &joint("k", "b", "c", "<mimic joint=\"j\" multiplier=\"2\"/>");
+    let urdf = format!("<robot name=\"r\">{body}</robot>").into_bytes();
+    let folder = tempfile::tempdir().unwrap();
+    let mut random = stream(1, "corruption", &[]);
+    let mut corrupted = |bytes: &[u8]| {
+        let mut bytes = bytes.to_vec();
+        for _ in 0..=below(&mut random, 4) {
+            let at = below(&mut random, bytes.len());
+            bytes[at] = b" 0123456789-.abcjk\"/<>\0\xff"[below(&mut random, 24)];
+        }
+        bytes.truncate(1 + below(&mut random, 2 * bytes.len()));
+        bytes
+    };
+    for _ in 0..200 {
+        for (name, content) in [("x.stl", &stl), ("x.obj", &obj)] {
+            std::fs::write(folder.path().join(name), corrupted(content)).unwrap();
+            let _ = read_in(
+                folder.path(),
+                &visual(&format!("<mesh filename=\"{name}\"/>")),
+            );
+        }
+        let path = folder.path().join("robot.urdf");
+        std::fs::write(&path, corrupted(&urdf)).unwrap();
+        let _ = Robot::from_urdf(&path);
     }
 }
 
