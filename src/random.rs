@@ -21,6 +21,11 @@ pub fn stream(master_seed: u64, stage: &str, axes: &[u64]) -> Stream {
     Stream::from_seed(*hash.finalize().as_bytes())
 }
 
+/// A master seed of its own for a part of the work that draws many streams.
+pub fn seed(master_seed: u64, stage: &str, axes: &[u64]) -> u64 {
+    stream(master_seed, stage, axes).next_u64()
+}
+
 /// Uniform in `0..n`. The bias is below `n / 2^64`.
 pub fn below(stream: &mut Stream, n: usize) -> usize {
     ((u128::from(stream.next_u64()) * n as u128) >> 64) as usize

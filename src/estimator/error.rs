@@ -1,7 +1,7 @@
 //! How far an estimated pose is from the true one.
 
 use crate::robot::Robot;
-use std::f64::consts::{PI, TAU};
+use std::f64::consts::TAU;
 
 /// Absolute difference of two joint angles, rad, wrapped to at most pi.
 pub fn angle_error(truth: f64, estimate: f64) -> f64 {
@@ -11,7 +11,11 @@ pub fn angle_error(truth: f64, estimate: f64) -> f64 {
 
 /// Mean of [`angle_error`] over the joints of a pose, rad. NaN for no joints.
 pub fn mean_angle_error(truth: &[f64], estimate: &[f64]) -> f64 {
-    let sum: f64 = truth.iter().zip(estimate).map(|(&t, &e)| angle_error(t, e)).sum();
+    let sum: f64 = truth
+        .iter()
+        .zip(estimate)
+        .map(|(&t, &e)| angle_error(t, e))
+        .sum();
     sum / truth.len() as f64
 }
 
@@ -30,7 +34,9 @@ pub fn tip_error(
         for (&dof, &value) in dofs.iter().zip(values) {
             configuration[dof] = value;
         }
-        robot.forward_kinematics(&configuration)[tip].translation.vector
+        robot.forward_kinematics(&configuration)[tip]
+            .translation
+            .vector
     };
     (tip_at(truth) - tip_at(estimate)).norm()
 }
@@ -51,6 +57,7 @@ pub fn mean_pose<'a>(poses: impl ExactSizeIterator<Item = &'a [f64]>) -> Vec<f64
 #[cfg(test)]
 mod tests {
     use super::*;
+    use std::f64::consts::PI;
 
     #[test]
     fn errors_wrap() {

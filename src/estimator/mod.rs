@@ -1,1 +1,4 @@
-//! (being built)
+//! Estimating: from the pixels' estimates to one pose of the arm, and how wrong it is.
+
+pub mod error;
+pub mod image;

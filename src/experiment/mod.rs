@@ -19,14 +19,23 @@ pub mod figure;
 pub mod manifest;
 pub mod plan;
 pub mod progress;
+pub mod protocol;
 pub mod recipe;
 pub mod runner;
 pub mod statistics;
+pub mod studies;
 pub mod study;
 pub mod table;
 pub mod task;
+pub mod tasks;
 
 /// Every kind of study.
 pub fn kinds() -> Vec<study::Kind> {
-    Vec::new()
+    use studies::*;
+    vec![
+        study::Kind::new("cross-validation", cross_validation::define),
+        study::Kind::new("sets", sets::define),
+        study::Kind::new("threshold-sweep", threshold_sweep::define),
+        study::Kind::new("tuning", tuning::define),
+    ]
 }

@@ -46,6 +46,7 @@ pub struct Specification<P, T> {
     pub title: String,
     /// The repository.
     pub root: PathBuf,
+    pub profile: Profile,
     /// The master seed.
     pub seed: u64,
     pub parameters: P,
@@ -223,20 +224,7 @@ fn load<P: DeserializeOwned + Serialize, T: DeserializeOwned>(
 ) -> Result<LoadedStudy> {
     let path = file(id);
     let name = path.display().to_string();
-    let file: StudyFile<P, T> = strict_toml::parse(&name, text)?;
-    let paper = toml::Table::try_from(&file.parameters)
-        .with_context(|| format!("{name}: the parameters cannot be written back"))?;
-
-    // Every profile is checked, not only the one that is asked for.
-    let mut resolved = paper.clone();
-    for profile in [Profile::Smoke, Profile::Quick] {
-        let mut table = paper.clone();
-        strict_toml::overlay(&mut table, &name, text, Some(profile.name()))?;
-        typed::<P>(&table, &format!("{name} with [{}]", profile.name()))?;
-        if profile == request.profile {
-            resolved = table;
-        }
-    }
+    let (file, mut resolved) = parse::<P, T>(request.profile, &name, text)?;
     for setting in &request.overrides {
         set(&mut resolved, setting)?;
     }
@@ -245,6 +233,7 @@ fn load<P: DeserializeOwned + Serialize, T: DeserializeOwned>(
         id: id.to_owned(),
         title: file.title.clone(),
         root: request.root.clone(),
+        profile: request.profile,
         seed: request.seed,
         parameters: typed(&resolved, &with)?,
         claims: file.claim,
@@ -262,6 +251,40 @@ fn load<P: DeserializeOwned + Serialize, T: DeserializeOwned>(
         file: path,
         study,
     })
+}
+
+/// The parameters of another study, for one that builds on it.
+pub fn parameters_of<P: DeserializeOwned + Serialize>(
+    root: &Path,
+    profile: Profile,
+    id: &str,
+) -> Result<P> {
+    let path = file(id);
+    let name = path.display().to_string();
+    let text = strict_toml::read_text(&root.join(&path))?;
+    let (_, parameters) = parse::<P, serde::de::IgnoredAny>(profile, &name, &text)?;
+    typed(&parameters, &name)
+}
+
+/// A study file and its parameters for one profile. Every profile is checked, not only this one.
+fn parse<P: DeserializeOwned + Serialize, T: DeserializeOwned>(
+    wanted: Profile,
+    name: &str,
+    text: &str,
+) -> Result<(StudyFile<P, T>, toml::Table)> {
+    let file: StudyFile<P, T> = strict_toml::parse(name, text)?;
+    let paper = toml::Table::try_from(&file.parameters)
+        .with_context(|| format!("{name}: the parameters cannot be written back"))?;
+    let mut resolved = paper.clone();
+    for profile in [Profile::Smoke, Profile::Quick] {
+        let mut table = paper.clone();
+        strict_toml::overlay(&mut table, name, text, Some(profile.name()))?;
+        typed::<P>(&table, &format!("{name} with [{}]", profile.name()))?;
+        if profile == wanted {
+            resolved = table;
+        }
+    }
+    Ok((file, resolved))
 }
 
 /// Reads by way of text, so that a mistake is shown in its line.

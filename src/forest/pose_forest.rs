@@ -136,6 +136,20 @@ impl PoseForest {
         &self.trees
     }
 
+    /// Cuts the forest down to its first `count` trees, at least one. Confidences change with
+    /// [`Self::set_sigma`] only: the largest impurity may have been in a tree that is gone.
+    pub fn keep_trees(&mut self, count: usize) {
+        let count = count.max(1);
+        self.trees.truncate(count);
+        self.leaves.truncate(count);
+        self.confidences.truncate(count);
+    }
+
+    /// Eq. 2 for each leaf of each tree.
+    pub fn confidences(&self) -> &[Vec<f32>] {
+        &self.confidences
+    }
+
     /// The leaves of each tree.
     pub fn leaves(&self) -> &[LeafTable] {
         &self.leaves

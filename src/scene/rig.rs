@@ -14,8 +14,13 @@ pub struct Arm {
     pub name: String,
     /// Indices of its links, from the root of the arm outward.
     pub links: Vec<usize>,
-    /// Where the joints of its pose y stand in a configuration, in the order of y.
+    /// Where the joints of its pose y stand in a configuration, in the order of y: those of the arm
+    /// and then those of the hand.
     pub joints: Vec<usize>,
+    /// How many of `joints` come before the hand's.
+    pub arm_joints: usize,
+    /// The link whose origin is the tip, by which errors of a pose are told in millimetres.
+    pub tip: usize,
 }
 
 /// A robot with its arms and its camera.
@@ -49,7 +54,10 @@ struct CameraMount {
 struct ArmFile {
     name: String,
     root: String,
+    tip: String,
     joints: Vec<String>,
+    #[serde(default)]
+    hand: Vec<String>,
 }
 
 impl Rig {
@@ -86,7 +94,14 @@ impl Rig {
                     ));
                 }
             }
-            let joints = arm.joints.iter().map(|name| {
+            let tip = link(&arm.tip)?;
+            if !links.contains(&tip) {
+                let (arm, tip) = (&arm.name, &arm.tip);
+                return Err(format!(
+                    "the tip \"{tip}\" of arm \"{arm}\" does not hang on its root"
+                ));
+            }
+            let joints = arm.joints.iter().chain(&arm.hand).map(|name| {
                 let joint = robot.joints.iter().find(|j| &j.name == name);
                 joint
                     .filter(|j| links.contains(&j.child))
@@ -103,6 +118,8 @@ impl Rig {
                 name: arm.name,
                 links,
                 joints,
+                arm_joints: arm.joints.len(),
+                tip,
             });
         }
         if arms.is_empty() {

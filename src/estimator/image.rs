@@ -1,0 +1,143 @@
+//! One pose from the estimates of many pixels (section III-C).
+
+use crate::forest::pose_forest::{PixelLeaves, PoseForest};
+use serde::{Deserialize, Serialize};
+
+/// The relative threshold t_r of eq. 12 is looked at in steps of `1 / STEPS`.
+pub const STEPS: usize = 100;
+
+/// An image's estimate at every relative threshold, and the range of its confidences.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct ImageEstimate {
+    /// Of the pixels' confidences.
+    pub min_confidence: f32,
+    pub mean_confidence: f64,
+    pub max_confidence: f32,
+    /// Entry j belongs to t_r = j / [`STEPS`]; there are `STEPS + 1`.
+    pub thresholds: Vec<ThresholdEstimate>,
+}
+
+/// What the pixels with `c_p >= t` (eq. 12) say.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct ThresholdEstimate {
+    /// Eq. 13, in the units and the order of the forest's poses.
+    pub pose: Vec<f64>,
+    /// How many pixels were chosen, at least 1.
+    pub pixels: usize,
+    /// How many of them are foreground.
+    pub foreground: usize,
+}
+
+/// Combines the pixels whose leaves are given; `foreground[p]` says whether pixel p shows an arm,
+/// which is only counted. `None` when there are no pixels.
+///
+/// All thresholds cost no more than one. A pixel's estimate times its confidence is the mean over
+/// the trees of leaf confidence times leaf pose, because the pixel's estimate is the mean of the
+/// leaves' poses weighted by their confidences, and its confidence the mean of theirs. So eq. 13 is
+/// a quotient of sums over pixels and trees. They are gathered by the highest threshold that a pixel
+/// reaches, and then added up from the top.
+pub fn combine(
+    forest: &PoseForest,
+    leaves: &PixelLeaves,
+    foreground: &[bool],
+) -> Option<ImageEstimate> {
+    let confidences = leaves.confidences();
+    let min = confidences.iter().copied().reduce(f32::min)?;
+    let max = confidences.iter().copied().reduce(f32::max)?;
+    let reached: Vec<usize> = confidences
+        .iter()
+        .map(|&c| highest_step(c, min, max))
+        .collect();
+
+    let width = forest.names().len();
+    // Sums of confidence times pose, and last of confidence, of the pixels that reach just this step.
+    let mut sums = vec![vec![0.0f64; width + 1]; STEPS + 1];
+    for (tree, table) in forest.leaves().iter().enumerate() {
+        let of_leaf = &forest.confidences()[tree];
+        for (&leaf, &step) in leaves.of_tree(tree).iter().zip(&reached) {
+            let confidence = f64::from(of_leaf[leaf as usize]);
+            let (last, pose) = sums[step].split_last_mut()?;
+            *last += confidence;
+            for (sum, &y) in pose.iter_mut().zip(table.row(leaf as usize)) {
+                *sum += confidence * f64::from(y);
+            }
+        }
+    }
+    let mut counts = vec![(0, 0); STEPS + 1];
+    for (&step, &shows_arm) in reached.iter().zip(foreground) {
+        counts[step].0 += 1;
+        counts[step].1 += usize::from(shows_arm);
+    }
+
+    let mut total = vec![0.0; width + 1];
+    let (mut pixels, mut arm) = (0, 0);
+    let mut thresholds = Vec::with_capacity(STEPS + 1);
+    for (step, count) in sums.iter().zip(&counts).rev() {
+        total.iter_mut().zip(step).for_each(|(t, s)| *t += s);
+        pixels += count.0;
+        arm += count.1;
+        let (weight, pose) = total.split_last()?;
+        thresholds.push(ThresholdEstimate {
+            pose: pose.iter().map(|sum| sum / weight).collect(),
+            pixels,
+            foreground: arm,
+        });
+    }
+    thresholds.reverse();
+    let sum: f64 = confidences.iter().map(|&c| f64::from(c)).sum();
+    Some(ImageEstimate {
+        min_confidence: min,
+        mean_confidence: sum / confidences.len() as f64,
+        max_confidence: max,
+        thresholds,
+    })
+}
+
+/// The largest j with `c >= min + (max - min) j / STEPS`. The most confident pixel reaches `STEPS`,
+/// so no threshold is without pixels.
+fn highest_step(c: f32, min: f32, max: f32) -> usize {
+    let (above, range) = (
+        f64::from(c) - f64::from(min),
+        f64::from(max) - f64::from(min),
+    );
+    let reaches = |step: usize| above * STEPS as f64 >= range * step as f64;
+    if reaches(STEPS) {
+        return STEPS;
+    }
+    let mut step = (above / range * STEPS as f64) as usize;
+    while !reaches(step) {
+        step -= 1;
+    }
+    while reaches(step + 1) {
+        step += 1;
+    }
+    step
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_highest_step_is_the_highest() {
+        let mut stream = crate::random::stream(1, "thresholds", &[]);
+        for _ in 0..10_000 {
+            let mut draw = || crate::random::uniform(&mut stream, 0.6, 1.0) as f32;
+            let mut three = [draw(), draw(), draw()];
+            three.sort_by(f32::total_cmp);
+            let [min, c, max] = three;
+            let step = highest_step(c, min, max);
+            let (min, c, max) = (f64::from(min), f64::from(c), f64::from(max));
+            let reaches = |j: usize| (c - min) * 100.0 >= (max - min) * j as f64;
+            assert!(reaches(step));
+            assert!(step == STEPS || !reaches(step + 1));
+        }
+    }
+
+    #[test]
+    fn the_extremes_reach_nothing_and_everything() {
+        assert_eq!(highest_step(0.7, 0.7, 0.9), 0);
+        assert_eq!(highest_step(0.9, 0.7, 0.9), STEPS);
+        assert_eq!(highest_step(0.8, 0.8, 0.8), STEPS);
+    }
+}

@@ -1,0 +1,218 @@
+//! Cross-validation over the images of a set: how forests are trained and tested in every study of
+//! the pose estimation forest.
+
+use super::statistics::mean;
+use super::study::Done;
+use super::tasks::data_set::DataSetTask;
+use super::tasks::estimates::EstimatesTask;
+use super::tasks::pose_forest::{ObjectiveName, PoseForestTask, Training};
+use crate::dataset::{DataSet, folds};
+use crate::estimator::error::{angle_error, mean_pose, tip_error};
+use crate::estimator::image::{ImageEstimate, STEPS};
+use crate::scene::Rig;
+use anyhow::{Result, bail};
+use serde::{Deserialize, Serialize};
+use std::path::Path;
+use std::sync::Arc;
+
+/// What forests are trained and tested on.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Protocol {
+    /// A file of `data/sets/`, without its extension.
+    pub set: String,
+    pub images: usize,
+    /// A fold is a set of images. Each is tested by a forest trained on all others.
+    pub folds: usize,
+    /// The bandwidth of eq. 2.
+    pub sigma: f64,
+    pub training: Training,
+}
+
+/// A protocol at work.
+pub struct CrossValidation {
+    pub set: Arc<DataSetTask>,
+    /// The test images of each fold.
+    folds: Vec<Vec<usize>>,
+    protocol: Protocol,
+}
+
+/// An image, tested by a forest that had not seen it.
+#[derive(Debug, Clone)]
+pub struct Outcome {
+    pub image: usize,
+    pub fold: usize,
+    pub truth: Vec<f64>,
+    pub estimate: ImageEstimate,
+    /// The mean pose of the training images.
+    pub constant: Vec<f64>,
+    /// Valid pixels, and those of the arm that is estimated.
+    pub valid: usize,
+    pub visible: usize,
+}
+
+impl CrossValidation {
+    pub fn new(root: &Path, seed: u64, protocol: Protocol) -> Result<CrossValidation> {
+        let Protocol {
+            images,
+            folds: k,
+            sigma,
+            ..
+        } = protocol;
+        if !(2..=images).contains(&k) {
+            bail!("folds = {k}: choose 2 to {images}, the number of images");
+        }
+        if !(sigma > 0.0 && sigma.is_finite()) {
+            bail!("sigma = {sigma}: choose a positive number");
+        }
+        let grow = &protocol.training.forest;
+        let features = protocol.training.features.count;
+        if !(1..=features).contains(&grow.features_per_node) {
+            bail!(
+                "features_per_node = {}: choose 1 to {features}, the number of features",
+                grow.features_per_node
+            );
+        }
+        Ok(CrossValidation {
+            set: Arc::new(DataSetTask::new(root, &protocol.set, images, seed)?),
+            folds: folds(images, k, seed),
+            protocol,
+        })
+    }
+
+    /// The tasks that test every image once, one for each fold, with the protocol's own training
+    /// and bandwidth.
+    pub fn estimates(&self, objective: ObjectiveName) -> Result<Vec<Arc<EstimatesTask>>> {
+        let Protocol {
+            training, sigma, ..
+        } = &self.protocol;
+        self.estimates_with(objective, training, *sigma, training.forest.trees)
+    }
+
+    /// The same with another training, bandwidth and number of trees that take part.
+    pub fn estimates_with(
+        &self,
+        objective: ObjectiveName,
+        training: &Training,
+        sigma: f64,
+        trees: usize,
+    ) -> Result<Vec<Arc<EstimatesTask>>> {
+        let fold = |(fold, test): (usize, &Vec<usize>)| {
+            let is_training = |image: &usize| !test.contains(image);
+            let forest = PoseForestTask {
+                set: self.set.clone(),
+                images: (0..self.protocol.images).filter(is_training).collect(),
+                objective,
+                training: training.clone(),
+                fold,
+            };
+            let task = EstimatesTask::new(Arc::new(forest), test.clone(), sigma, trees)?;
+            Ok(Arc::new(task))
+        };
+        self.folds.iter().enumerate().map(fold).collect()
+    }
+
+    /// The results of [`CrossValidation::estimates`] in the order of the images.
+    pub fn outcomes(&self, tasks: &[Arc<EstimatesTask>], done: Done<'_>) -> Result<Vec<Outcome>> {
+        let set = DataSet::open(&done(&*self.set)?)?;
+        let mut outcomes = Vec::new();
+        for task in tasks {
+            let forest = &task.forest;
+            let constant = mean_pose(forest.images.iter().map(|&image| set.pose(image)));
+            for estimated in EstimatesTask::read(&done(&**task)?)? {
+                let record = &set.record().images[estimated.image];
+                outcomes.push(Outcome {
+                    image: estimated.image,
+                    fold: forest.fold,
+                    truth: set.pose(estimated.image).to_vec(),
+                    estimate: estimated.estimate,
+                    constant: constant.clone(),
+                    valid: record.valid,
+                    visible: record.arms[set.target()],
+                });
+            }
+        }
+        outcomes.sort_by_key(|outcome| outcome.image);
+        Ok(outcomes)
+    }
+
+    /// The ruler for the arm that is estimated.
+    pub fn ruler(&self) -> Result<Ruler> {
+        Ruler::new(&self.set)
+    }
+}
+
+/// The step of [`ImageEstimate::thresholds`] for a relative threshold.
+pub fn step_of(t_r: f64) -> Result<usize> {
+    let step = (t_r * STEPS as f64).round();
+    if !(0.0..=STEPS as f64).contains(&step) || (step / STEPS as f64 - t_r).abs() > 1e-9 {
+        bail!(
+            "t_r = {t_r}: choose a multiple of {} from 0 to 1",
+            1.0 / STEPS as f64
+        );
+    }
+    Ok(step as usize)
+}
+
+/// Measures how far a pose is from the truth, for one arm of one robot.
+pub struct Ruler {
+    rig: Rig,
+    arm: usize,
+}
+
+/// Errors of one pose: of each joint and of the tip, and means over groups of joints.
+#[derive(Debug, Clone, PartialEq)]
+pub struct PoseError {
+    pub joints_deg: Vec<f64>,
+    /// Mean over all joints, over those of the arm, and over those of the hand (NaN without one).
+    pub all_deg: f64,
+    pub arm_deg: f64,
+    pub hand_deg: f64,
+    /// Distance between the true and the estimated fingertip.
+    pub tip_mm: f64,
+}
+
+impl Ruler {
+    fn new(set: &DataSetTask) -> Result<Ruler> {
+        let rig = Rig::read(&set.spec.robot_path())?;
+        let Some(arm) = rig.arm(&set.spec.target) else {
+            bail!(
+                "set {}: the robot has no arm called {}",
+                set.spec.name,
+                set.spec.target
+            );
+        };
+        Ok(Ruler { rig, arm })
+    }
+
+    /// The names of the joints of a pose, in order.
+    pub fn joints(&self) -> Vec<&str> {
+        let names: Vec<&str> = self
+            .rig
+            .robot
+            .dof_joints()
+            .map(|j| j.name.as_str())
+            .collect();
+        self.rig.arms[self.arm]
+            .joints
+            .iter()
+            .map(|&dof| names[dof])
+            .collect()
+    }
+
+    pub fn measure(&self, truth: &[f64], estimate: &[f64]) -> PoseError {
+        let arm = &self.rig.arms[self.arm];
+        let pairs = truth.iter().zip(estimate);
+        let joints_deg: Vec<f64> = pairs
+            .map(|(&t, &e)| angle_error(t, e).to_degrees())
+            .collect();
+        let (arm_deg, hand_deg) = joints_deg.split_at(arm.arm_joints);
+        PoseError {
+            all_deg: mean(&joints_deg),
+            arm_deg: mean(arm_deg),
+            hand_deg: mean(hand_deg),
+            tip_mm: 1e3 * tip_error(&self.rig.robot, arm.tip, &arm.joints, truth, estimate),
+            joints_deg,
+        }
+    }
+}

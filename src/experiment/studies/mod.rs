@@ -1,0 +1,6 @@
+//! The kinds of studies.
+
+pub mod cross_validation;
+pub mod sets;
+pub mod threshold_sweep;
+pub mod tuning;

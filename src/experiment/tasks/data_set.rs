@@ -1,0 +1,62 @@
+//! Generating a data set.
+
+use crate::Progress;
+use crate::dataset::{self, SetSpec};
+use crate::experiment::task::{Cost, Stage, Task};
+use anyhow::Result;
+use std::path::{Path, PathBuf};
+
+/// Generates the set that `data/sets/<name>.toml` specifies.
+pub struct DataSetTask {
+    pub spec: SetSpec,
+    pub seed: u64,
+}
+
+impl DataSetTask {
+    /// The set called `name`, cut or extended to `images` images.
+    pub fn new(root: &Path, name: &str, images: usize, seed: u64) -> Result<DataSetTask> {
+        let path = root.join("data/sets").join(format!("{name}.toml"));
+        let mut spec = SetSpec::read(&path)?;
+        spec.images = images;
+        Ok(DataSetTask { spec, seed })
+    }
+}
+
+impl Task for DataSetTask {
+    fn stage(&self) -> Stage {
+        Stage {
+            name: "data-set".to_owned(),
+            version: 1,
+        }
+    }
+
+    fn label(&self) -> String {
+        format!("{} images of set {}", self.spec.images, self.spec.name)
+    }
+
+    fn parameters(&self) -> serde_json::Value {
+        serde_json::json!({ "name": self.spec.name, "seed": self.seed, "specification": self.spec })
+    }
+
+    fn files(&self) -> Vec<PathBuf> {
+        let robot = self.spec.robot_path();
+        let folder = robot.parent().map_or(robot.clone(), Path::to_owned);
+        vec![folder, self.spec.camera_path()]
+    }
+
+    fn cost(&self) -> Cost {
+        Cost {
+            seconds: 0.05 * self.spec.images as f64,
+            megabytes: 150.0,
+        }
+    }
+
+    fn steps(&self) -> u64 {
+        self.spec.images as u64
+    }
+
+    fn run(&self, _inputs: &[PathBuf], out: &Path, progress: Progress<'_>) -> Result<()> {
+        dataset::generate(&self.spec, self.seed, out, progress)?;
+        Ok(())
+    }
+}

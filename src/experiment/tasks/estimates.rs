@@ -1,0 +1,134 @@
+//! Estimating the pose in images that a forest was not trained on.
+
+use super::pose_forest::{FOREST_FILE, PoseForestTask};
+use crate::Progress;
+use crate::dataset::DataSet;
+use crate::estimator::image::{ImageEstimate, combine};
+use crate::experiment::task::{Cost, Stage, Task};
+use crate::feature::PaddedDepth;
+use crate::forest::pose_forest::PoseForest;
+use anyhow::{Context, Result, bail};
+use rayon::prelude::*;
+use serde::{Deserialize, Serialize};
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+/// Estimates the pose in some images with every valid pixel: the file `estimates.json`.
+pub struct EstimatesTask {
+    pub forest: Arc<PoseForestTask>,
+    /// The test images, ascending.
+    pub images: Vec<usize>,
+    /// The bandwidth of eq. 2.
+    pub sigma: f64,
+    /// How many of the forest's trees take part, from the first on.
+    pub trees: usize,
+}
+
+/// What came out for one image.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Estimated {
+    pub image: usize,
+    pub estimate: ImageEstimate,
+}
+
+const FILE: &str = "estimates.json";
+
+impl EstimatesTask {
+    /// Fails when an image is among those that the forest was trained on.
+    pub fn new(
+        forest: Arc<PoseForestTask>,
+        images: Vec<usize>,
+        sigma: f64,
+        trees: usize,
+    ) -> Result<EstimatesTask> {
+        if let Some(image) = images.iter().find(|image| forest.images.contains(image)) {
+            let set = &forest.set.spec.name;
+            bail!("image {image} of set {set} is in the training and in the test images");
+        }
+        Ok(EstimatesTask {
+            forest,
+            images,
+            sigma,
+            trees,
+        })
+    }
+
+    /// Reads the result from the folder that [`Task::run`] wrote: in the order of the images.
+    pub fn read(folder: &Path) -> Result<Vec<Estimated>> {
+        let path = folder.join(FILE);
+        let shown = || format!("cannot read {}", path.display());
+        let text = std::fs::read_to_string(&path).with_context(shown)?;
+        serde_json::from_str(&text).with_context(shown)
+    }
+}
+
+impl Task for EstimatesTask {
+    fn stage(&self) -> Stage {
+        Stage {
+            name: "estimates".to_owned(),
+            version: 1,
+        }
+    }
+
+    fn label(&self) -> String {
+        format!("estimates of {}", self.forest.label())
+    }
+
+    fn parameters(&self) -> serde_json::Value {
+        serde_json::json!({ "images": self.images, "sigma": self.sigma, "trees": self.trees })
+    }
+
+    fn inputs(&self) -> Vec<Arc<dyn Task>> {
+        vec![self.forest.clone(), self.forest.set.clone()]
+    }
+
+    fn cost(&self) -> Cost {
+        let walks = self.images.len() as f64 * 270_000.0 * self.trees as f64;
+        Cost {
+            seconds: 40e-9 * walks,
+            megabytes: 300.0,
+        }
+    }
+
+    fn steps(&self) -> u64 {
+        self.images.len() as u64
+    }
+
+    fn run(&self, inputs: &[PathBuf], out: &Path, progress: Progress<'_>) -> Result<()> {
+        let set = DataSet::open(&inputs[1])?;
+        let mut forest = PoseForest::load(&inputs[0].join(FOREST_FILE))?;
+        forest.keep_trees(self.trees);
+        forest.set_sigma(self.sigma)?;
+        let arm_of_label = set.arm_of_label();
+        let estimate = |&image: &usize| {
+            let frame = set.frame(image)?;
+            let depth = PaddedDepth::new(&frame.depth, forest.features().reach());
+            let (mut positions, mut foreground) = (Vec::new(), Vec::new());
+            for (at, (&mm, &label)) in frame
+                .depth
+                .pixels
+                .iter()
+                .zip(&frame.labels.pixels)
+                .enumerate()
+            {
+                if mm > 0 {
+                    let (x, y) = (at % frame.depth.width, at / frame.depth.width);
+                    positions.push(depth.position(x, y));
+                    foreground.push(arm_of_label[usize::from(label)].is_some());
+                }
+            }
+            let leaves = forest.find_leaves(&forest.features().on(&depth), &positions);
+            let estimate = combine(&forest, &leaves, &foreground)
+                .with_context(|| format!("image {image} has no valid pixel"))?;
+            progress(1);
+            Ok(Estimated { image, estimate })
+        };
+        let estimated = self
+            .images
+            .par_iter()
+            .map(estimate)
+            .collect::<Result<Vec<_>>>()?;
+        std::fs::write(out.join(FILE), serde_json::to_vec(&estimated)?)?;
+        Ok(())
+    }
+}
