@@ -7,11 +7,16 @@ use rayon::prelude::*;
 /// Bins of one feature are the values of a `u8`.
 pub const BINS: usize = 256;
 
-/// The training samples' features as bin numbers, column-major.
+/// Samples that are turned from columns into rows together: a cache line of each column.
+const TILE: usize = 64;
+
+/// The training samples' features as bin numbers: column by column, as large nodes read them, and
+/// once more row by row, from which the few samples of a small node are fetched with all features.
 #[derive(Debug, Clone)]
 pub struct BinnedMatrix {
     samples: usize,
     codes: Vec<u8>,
+    rows: Vec<u8>,
     edges: Vec<Edges>,
 }
 
@@ -46,9 +51,21 @@ impl BinnedMatrix {
             .zip(&columns)
             .map(|(codes, column)| bin_column(column, codes))
             .collect();
+        let mut rows = vec![0; codes.len()];
+        rows.par_chunks_mut(TILE * columns.len())
+            .enumerate()
+            .for_each(|(tile, rows)| {
+                for (feature, column) in codes.chunks_exact(samples).enumerate() {
+                    let of_tile = rows.iter_mut().skip(feature).step_by(columns.len());
+                    for (to, &code) in of_tile.zip(&column[tile * TILE..]) {
+                        *to = code;
+                    }
+                }
+            });
         Ok(Self {
             samples,
             codes,
+            rows,
             edges,
         })
     }
@@ -65,6 +82,11 @@ impl BinnedMatrix {
     #[inline]
     pub fn column(&self, feature: usize) -> &[u8] {
         &self.codes[feature * self.samples..(feature + 1) * self.samples]
+    }
+
+    /// The bin of each feature at one sample.
+    pub fn row(&self, sample: usize) -> &[u8] {
+        &self.rows[sample * self.features()..(sample + 1) * self.features()]
     }
 
     /// The threshold (`value <= threshold` goes left) that sends bins up to `left` one way and bins

@@ -145,7 +145,10 @@ pub fn grow<P: Default + Send>(
         let mut payload = P::default();
         let random = stream(seed, "tree", &[tree as u64]);
         let report = |members: &[Member]| leaf(&mut payload, members);
-        let tree = grow_tree(data, targets, &weights, objective, spec, random, report);
+        let small = BLOCK_BYTES / data.features();
+        let tree = grow_tree(
+            data, targets, &weights, objective, spec, small, random, report,
+        );
         progress(1);
         (tree, payload)
     };
@@ -162,13 +165,19 @@ fn bootstrap(samples: usize, random: &mut Stream) -> Vec<u16> {
     weights
 }
 
-/// Grows one tree on the samples whose weight is not zero.
+/// A copy of so much of the matrix stays in the second-level cache.
+const BLOCK_BYTES: usize = 1 << 20;
+
+/// Grows one tree on the samples whose weight is not zero. A node of up to `small` samples is
+/// copied, with all features, into a block in which it and all below it are grown.
+#[expect(clippy::too_many_arguments)]
 fn grow_tree(
     data: &BinnedMatrix,
     targets: &[u16],
     weights: &[u16],
     objective: &dyn Objective,
     spec: &GrowSpec,
+    small: usize,
     random: Stream,
     mut leaf: impl FnMut(&[Member]),
 ) -> Tree {
@@ -186,6 +195,7 @@ fn grow_tree(
         data,
         spec,
         random,
+        block: Block::default(),
         scan: objective.scan(weights.iter().copied().max().unwrap_or(1)),
         features: (0..data.features()).collect(),
         codes: vec![0; members.len()],
@@ -198,16 +208,27 @@ fn grow_tree(
     };
     let mut nodes = vec![unfinished];
     let mut leaves = 0;
-    // Nodes to be grown: their number, their members, their depth. The left one lies on top.
-    let mut open = vec![(0, 0..members.len(), 0)];
-    while let Some((at, range, depth)) = open.pop() {
+    // Nodes to be grown: their number, their members, their depth, and whether they lie in the
+    // block. The left one lies on top, so that a block is done with before the next is copied.
+    let mut open = vec![(0, 0..members.len(), 0, false)];
+    while let Some((at, range, depth, mut in_block)) = open.pop() {
         let members = &mut members[range.clone()];
+        if !in_block {
+            in_block = members.len() <= small;
+            grower.block.samples.clear();
+            if in_block {
+                grower.block.copy(data, members);
+            }
+        }
         let split = if spec.max_depth.is_some_and(|most| depth >= most) {
             None
         } else {
             grower.best_split(members)
         };
         let Some(split) = split else {
+            if in_block {
+                grower.block.restore(members);
+            }
             leaf(members);
             nodes[at].child = leaves;
             leaves += 1;
@@ -221,10 +242,47 @@ fn grow_tree(
         };
         nodes.extend([unfinished; 2]);
         let middle = range.start + grower.partition(members, &split);
-        open.push((child + 1, middle..range.end, depth + 1));
-        open.push((child, range.start..middle, depth + 1));
+        open.push((child + 1, middle..range.end, depth + 1, in_block));
+        open.push((child, range.start..middle, depth + 1, in_block));
     }
     Tree::grown(nodes, leaves as usize)
+}
+
+/// The part of the matrix that a small subtree needs, column by column. As long as it is in use,
+/// its members are numbered by their place in it.
+#[derive(Default)]
+struct Block {
+    /// The rows of the matrix that were copied; empty when the block is not in use.
+    samples: Vec<u32>,
+    codes: Vec<u8>,
+}
+
+impl Block {
+    fn copy(&mut self, data: &BinnedMatrix, members: &mut [Member]) {
+        self.samples.extend(members.iter().map(|m| m.sample));
+        self.codes.resize(members.len() * data.features(), 0);
+        for (place, member) in members.iter_mut().enumerate() {
+            let row = data.row(member.sample as usize);
+            let column = self.codes[place..].iter_mut().step_by(self.samples.len());
+            column.zip(row).for_each(|(to, &code)| *to = code);
+            member.sample = place as u32;
+        }
+    }
+
+    fn restore(&self, members: &mut [Member]) {
+        for member in members {
+            member.sample = self.samples[member.sample as usize];
+        }
+    }
+
+    /// The bins of one feature, by the members' numbers.
+    #[inline]
+    fn column<'a>(&'a self, data: &'a BinnedMatrix, feature: usize) -> &'a [u8] {
+        match self.samples.len() {
+            0 => data.column(feature),
+            n => &self.codes[feature * n..(feature + 1) * n],
+        }
+    }
 }
 
 struct Split {
@@ -238,6 +296,7 @@ struct Grower<'a> {
     data: &'a BinnedMatrix,
     spec: &'a GrowSpec,
     random: Stream,
+    block: Block,
     scan: Box<dyn NodeScan + 'a>,
     /// All features, in the order that the last draws left.
     features: Vec<usize>,
@@ -262,7 +321,7 @@ impl Grower<'_> {
             let pick = drawn + below(&mut self.random, self.features.len() - drawn);
             self.features.swap(drawn, pick);
             let feature = self.features[drawn];
-            let column = self.data.column(feature);
+            let column = self.block.column(self.data, feature);
             let mut differ = 0;
             for (code, member) in codes.iter_mut().zip(members) {
                 *code = column[member.sample as usize];
@@ -289,7 +348,7 @@ impl Grower<'_> {
     /// Puts the members that go left before the others, each side in ascending order, and returns
     /// how many they are.
     fn partition(&mut self, members: &mut [Member], split: &Split) -> usize {
-        let column = self.data.column(split.feature);
+        let column = self.block.column(self.data, split.feature);
         self.right.clear();
         let mut left = 0;
         for at in 0..members.len() {
@@ -313,9 +372,10 @@ mod tests {
     use crate::forest::objective::mse::mse;
     use crate::random::unit;
 
-    /// A sample of weight 3 and three samples are the same, and a weight of 0 is none.
+    /// A sample of weight 3 and three samples are the same, and a weight of 0 is none; and blocks
+    /// of any size change nothing.
     #[test]
-    fn weights_are_repetitions() {
+    fn weights_are_repetitions_and_blocks_do_not_matter() {
         let mut random = stream(1, "weights", &[]);
         let table = TargetTable::new(2, (0..80).map(|_| unit(&mut random)).collect()).unwrap();
         let samples = 500;
@@ -333,7 +393,7 @@ mod tests {
             max_depth: None,
             bootstrap: false,
         };
-        let grown = |drawn: &[usize], weights: &[u16]| {
+        let grown = |drawn: &[usize], weights: &[u16], small: usize| {
             let matrix = SampleMatrix::fill(5, &[drawn.len()], |_, columns| {
                 for (feature, column) in columns.iter_mut().enumerate() {
                     for (value, &sample) in column.iter_mut().zip(drawn) {
@@ -351,18 +411,33 @@ mod tests {
                 impurities.push(objective.impurity(members));
             };
             let random = stream(2, "tree", &[]);
-            let tree = grow_tree(&data, &targets, weights, &*objective, &spec, random, leaf);
+            let tree = grow_tree(
+                &data,
+                &targets,
+                weights,
+                &*objective,
+                &spec,
+                small,
+                random,
+                leaf,
+            );
             (tree, impurities)
         };
         let once: Vec<usize> = (0..samples).collect();
         let repeated: Vec<usize> = (0..samples)
             .flat_map(|sample| std::iter::repeat_n(sample, usize::from(weights[sample])))
             .collect();
-        let (tree, impurities) = grown(&once, &weights);
-        let (same, others) = grown(&repeated, &vec![1; repeated.len()]);
-        assert!(tree == same && tree.leaves() > 50);
-        for (a, b) in impurities.iter().zip(others) {
-            assert!((a - b).abs() < 1e-12);
+        let (tree, impurities) = grown(&once, &weights, 0);
+        for small in [0, 100, 1000] {
+            assert_eq!(
+                grown(&once, &weights, small),
+                (tree.clone(), impurities.clone())
+            );
+            let (same, others) = grown(&repeated, &vec![1; repeated.len()], small);
+            assert!(tree == same && tree.leaves() > 50);
+            for (a, b) in impurities.iter().zip(others) {
+                assert!((a - b).abs() < 1e-12);
+            }
         }
     }
 
