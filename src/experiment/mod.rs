@@ -34,6 +34,7 @@ pub fn kinds() -> Vec<study::Kind> {
     use studies::*;
     vec![
         study::Kind::new("cross-validation", cross_validation::define),
+        study::Kind::new("sensor", sensor::define),
         study::Kind::new("sets", sets::define),
         study::Kind::new("threshold-sweep", threshold_sweep::define),
         study::Kind::new("tuning", tuning::define),

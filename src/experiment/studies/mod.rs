@@ -1,6 +1,7 @@
 //! The kinds of studies.
 
 pub mod cross_validation;
+pub mod sensor;
 pub mod sets;
 pub mod threshold_sweep;
 pub mod tuning;
