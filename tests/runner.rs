@@ -5,8 +5,8 @@ use armpose::experiment::cache::Cache;
 use armpose::experiment::claims::{Claim, Verdict};
 use armpose::experiment::figure::{Axis, Figure, Mark, Panel, Plot, Shape};
 use armpose::experiment::runner::Run;
-use armpose::experiment::study::{self, Kind, LoadedStudy, Profile, Request};
-use armpose::experiment::study::{Done, Report, Specification, Study};
+use armpose::experiment::study::{Done, Profile, Report, Specification, Study};
+use armpose::experiment::study_file::{self, Kind, LoadedStudy, Request};
 use armpose::experiment::table::Table;
 use armpose::experiment::task::{Cost, Stage, Task};
 use armpose::random;
@@ -216,7 +216,7 @@ impl Repository {
             seed: 1,
         };
         let kinds = [Kind::new("means", define)];
-        let study = study::read(&kinds, &request, "means").unwrap();
+        let study = study_file::read(&kinds, &request, "means").unwrap();
         (request, vec![study])
     }
 

@@ -4,7 +4,8 @@ use super::{cache, command_line, request, say, use_threads};
 use anyhow::{Context, Result};
 use armpose::experiment::bounds::{self, StudyBounds};
 use armpose::experiment::runner::Run;
-use armpose::experiment::{kinds, study};
+use armpose::experiment::study::Profile;
+use armpose::experiment::{kinds, study_file};
 use std::collections::BTreeMap;
 use std::process::ExitCode;
 
@@ -14,7 +15,7 @@ use std::process::ExitCode;
 pub struct Arguments {
     /// Which sizes
     #[arg(long, value_enum, default_value = "smoke")]
-    profile: study::Profile,
+    profile: Profile,
     /// How many seeds, beginning with 1
     #[arg(long, default_value_t = 12, value_parser = clap::value_parser!(u64).range(10..))]
     seeds: u64,
@@ -29,8 +30,8 @@ pub fn run(arguments: &Arguments) -> Result<ExitCode> {
     for seed in 1..=arguments.seeds {
         let request = request(arguments.profile, seed)?;
         let mut studies = Vec::new();
-        for id in study::ids(&root)? {
-            let study = study::read(&kinds, &request, &id)?;
+        for id in study_file::ids(&root)? {
+            let study = study_file::read(&kinds, &request, &id)?;
             if !study.bounds.columns.is_empty() {
                 studies.push(study);
             }

@@ -5,7 +5,8 @@ use anyhow::{Result, bail};
 use armpose::experiment::claims::ClaimResult;
 use armpose::experiment::kinds;
 use armpose::experiment::runner::Run;
-use armpose::experiment::study::{self, LoadedStudy, Profile, Report, Request};
+use armpose::experiment::study::{Profile, Report};
+use armpose::experiment::study_file::{self, LoadedStudy, Request};
 use armpose::experiment::table::Table;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
@@ -61,7 +62,7 @@ pub fn run(arguments: &Arguments) -> Result<ExitCode> {
             }
         }
         ["all"] => {
-            let ids = study::ids(&request.root)?;
+            let ids = study_file::ids(&request.root)?;
             let ids: Vec<&str> = ids.iter().map(String::as_str).collect();
             execute(arguments, &request, &ids)?;
         }
@@ -73,7 +74,7 @@ pub fn run(arguments: &Arguments) -> Result<ExitCode> {
 fn read(request: &Request, ids: &[&str]) -> Result<Vec<LoadedStudy>> {
     let kinds = kinds();
     ids.iter()
-        .map(|id| study::read(&kinds, request, id))
+        .map(|id| study_file::read(&kinds, request, id))
         .collect()
 }
 
@@ -97,20 +98,17 @@ fn execute(arguments: &Arguments, request: &Request, ids: &[&str]) -> Result<()>
         return say(&run.plan(&studies)?.describe(run.cache));
     }
     run.execute(&studies, |study, report, folder| {
-        say(&describe(study, report, folder))
+        say(&describe(request, study, report, folder))
     })
 }
 
 /// What is printed when a study is done.
-fn describe(study: &LoadedStudy, report: &Report, folder: &Path) -> String {
+fn describe(request: &Request, study: &LoadedStudy, report: &Report, folder: &Path) -> String {
     let here = std::env::current_dir().unwrap_or_default();
     let folder = folder.strip_prefix(&here).unwrap_or(folder);
-    let mut text = format!(
-        "\n{}: {}\n\n{}\n",
-        study.id,
-        study.title,
-        report.text.trim_end()
-    );
+    let profile = request.profile.name();
+    let mut text = format!("\n{}, profile {profile}: {}\n", study.id, study.title);
+    text.push_str(&format!("\n{}\n", report.text.trim_end()));
     text.push_str(&format!("\n{}\n", study.analysis.trim()));
     for (name, _) in &report.figures {
         text.push_str(&format!(
@@ -143,7 +141,7 @@ fn show(study: &LoadedStudy) -> Result<String> {
 }
 
 fn list(request: &Request) -> Result<()> {
-    let ids = study::ids(&request.root)?;
+    let ids = study_file::ids(&request.root)?;
     let ids: Vec<&str> = ids.iter().map(String::as_str).collect();
     let mut table = Table::new(["study", "paper", "title", "claims at the paper's scale"]);
     for study in read(request, &ids)? {

@@ -7,7 +7,8 @@ mod experiment;
 
 use anyhow::{Context, Result};
 use armpose::experiment::cache::Cache;
-use armpose::experiment::study::{Profile, Request};
+use armpose::experiment::study::Profile;
+use armpose::experiment::study_file::Request;
 use clap::{Parser, Subcommand};
 use std::io::{ErrorKind, Write};
 use std::path::{Path, PathBuf};

@@ -8,8 +8,7 @@
 use super::recipe::{Hash, Key, Recipe, files_below};
 use anyhow::{Context, Result, bail};
 use serde::{Deserialize, Serialize};
-use serde_json::Value;
-use std::collections::{BTreeMap, BTreeSet};
+use std::collections::BTreeSet;
 use std::fs::{self, File};
 use std::io::Write;
 use std::path::{Path, PathBuf};
@@ -165,11 +164,10 @@ impl Cache {
 
     /// Why there is no result for `recipe`: in what it differs from the nearest result of its stage.
     pub fn why_missing(&self, recipe: &Recipe) -> String {
-        let wanted = flatten(recipe);
         folders(&self.root.join(&recipe.stage.name))
             .iter()
             .filter_map(|folder| read_entry(folder).ok())
-            .map(|entry| differences(&flatten(&entry.recipe), &wanted))
+            .map(|entry| recipe.differences_from(&entry.recipe))
             .min_by_key(Vec::len)
             .map_or("nothing like it yet".to_owned(), |found| {
                 let more = found.len().saturating_sub(3);
@@ -281,55 +279,11 @@ fn check(folder: &Path, key: &Key) -> Result<()> {
     Ok(())
 }
 
-/// A recipe as names and values that people can compare.
-fn flatten(recipe: &Recipe) -> BTreeMap<String, String> {
-    let mut flat = BTreeMap::new();
-    flat.insert("stage version".to_owned(), recipe.stage.version.to_string());
-    for file in &recipe.files {
-        flat.insert(file.path.clone(), file.blake3.to_string());
-    }
-    for (position, input) in recipe.inputs.iter().enumerate() {
-        let name = format!("input {} {position}", input.stage);
-        flat.insert(name, input.hash.to_string());
-    }
-    flatten_value("", &recipe.parameters, &mut flat);
-    flat
-}
-
-fn flatten_value(prefix: &str, value: &Value, flat: &mut BTreeMap<String, String>) {
-    if let Value::Object(members) = value {
-        for (name, member) in members {
-            let dot = if prefix.is_empty() { "" } else { "." };
-            flatten_value(&format!("{prefix}{dot}{name}"), member, flat);
-        }
-    } else {
-        flat.insert(prefix.to_owned(), value.to_string());
-    }
-}
-
-fn differences(old: &BTreeMap<String, String>, new: &BTreeMap<String, String>) -> Vec<String> {
-    const LONGEST: usize = 30;
-    let names: BTreeSet<&String> = old.keys().chain(new.keys()).collect();
-    let mut found = Vec::new();
-    for name in names {
-        match (old.get(name), new.get(name)) {
-            (Some(old), Some(new)) if old == new => {}
-            (Some(old), Some(new)) if old.len().max(new.len()) <= LONGEST => {
-                found.push(format!("{name} {old} -> {new}"));
-            }
-            (Some(_), Some(_)) => found.push(format!("{name} changed")),
-            (None, _) => found.push(format!("{name} is new")),
-            (_, None) => found.push(format!("{name} is gone")),
-        }
-    }
-    found
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
     use crate::experiment::task::Stage;
-    use serde_json::json;
+    use serde_json::{Value, json};
 
     fn recipe(parameters: Value) -> Recipe {
         Recipe {
@@ -369,27 +323,6 @@ mod tests {
         );
         again.make(&recipe, "two", |_| bail!("not needed")).unwrap();
     }
-
-    #[test]
-    fn the_key_is_golden_and_depends_on_everything() {
-        let key = |recipe: &Recipe| recipe.key().hash.to_string();
-        let first = recipe(json!({ "b": 1, "a": [0.5, "x"] }));
-        assert_eq!(key(&first)[..16], *GOLDEN_KEY);
-        assert_eq!(
-            key(&first),
-            key(&recipe(json!({ "a": [0.5, "x"], "b": 1 })))
-        );
-        let mut others = vec![recipe(json!({ "b": 2, "a": [0.5, "x"] })); 1];
-        others.push(first.clone());
-        others[1].stage.version = 2;
-        others.push(first.clone());
-        others[2].inputs = vec![first.key()];
-        others.push(first.clone());
-        others[3].stage.name = "other".to_owned();
-        let keys: BTreeSet<String> = others.iter().chain([&first]).map(key).collect();
-        assert_eq!(keys.len(), 5);
-    }
-    const GOLDEN_KEY: &str = "ef2a23b693eb3cd6";
 
     #[test]
     fn damage_of_any_kind_is_found_and_named() {

@@ -4,6 +4,8 @@
 mod axes;
 mod canvas;
 mod draw;
+mod legend;
+mod marks;
 
 use crate::camera::DepthImage;
 use canvas::Canvas;

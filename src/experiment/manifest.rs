@@ -3,7 +3,7 @@
 use super::plan::TaskRecord;
 use super::recipe::Hash;
 use super::runner::Run;
-use super::study::LoadedStudy;
+use super::study_file::LoadedStudy;
 use anyhow::{Context, Result};
 use serde::Serialize;
 use std::path::Path;

@@ -1,11 +1,12 @@
 //! Studies of the paper: what they ask for, running and caching their work, and what came out.
 //!
 //! # Adding a study
-//! Write `experiments/<id>.toml`; its parts are those of [`study`]. If no kind fits, write a new one
+//! Write `experiments/<id>.toml`; its parts are those of [`study_file`]. If no kind fits, write a new one
 //! in `studies/<kind>.rs`: a `Parameters` struct (serde, `deny_unknown_fields`), a struct for what
 //! the tests of claims need, a type that implements [`study::Study`], and a function
 //! `define(Specification<Parameters, Test>) -> Result<Box<dyn Study>>`. Then add one line to
-//! [`kinds`].
+//! [`kinds`]. A profile or `--set` can only override what the parameters have: give optional ones a
+//! default instead of an `Option`.
 //!
 //! # Adding a task
 //! Implement [`task::Task`] in `tasks/<name>.rs`. The runner hands it the folders of its inputs and an
@@ -25,18 +26,19 @@ pub mod runner;
 pub mod statistics;
 pub mod studies;
 pub mod study;
+pub mod study_file;
 pub mod table;
 pub mod task;
 pub mod tasks;
 
 /// Every kind of study.
-pub fn kinds() -> Vec<study::Kind> {
+pub fn kinds() -> Vec<study_file::Kind> {
     use studies::*;
     vec![
-        study::Kind::new("cross-validation", cross_validation::define),
-        study::Kind::new("sensor", sensor::define),
-        study::Kind::new("sets", sets::define),
-        study::Kind::new("threshold-sweep", threshold_sweep::define),
-        study::Kind::new("tuning", tuning::define),
+        study_file::Kind::new("cross-validation", cross_validation::define),
+        study_file::Kind::new("sensor", sensor::define),
+        study_file::Kind::new("sets", sets::define),
+        study_file::Kind::new("threshold-sweep", threshold_sweep::define),
+        study_file::Kind::new("tuning", tuning::define),
     ]
 }

@@ -5,7 +5,8 @@ use super::manifest::{Machine, Manifest, Output};
 use super::plan::Plan;
 use super::progress::Display;
 use super::recipe::{Cook, Hash};
-use super::study::{LoadedStudy, Report, Request};
+use super::study::Report;
+use super::study_file::{LoadedStudy, Request};
 use super::task::Task;
 use anyhow::{Context, Result, ensure};
 use std::fs;
@@ -26,11 +27,15 @@ pub struct Run<'a> {
 impl Run<'_> {
     /// What it takes to run the studies.
     pub fn plan(&self, studies: &[LoadedStudy]) -> Result<Plan> {
+        self.plan_with(&Cook::new(&self.request.root), studies)
+    }
+
+    fn plan_with(&self, cook: &Cook, studies: &[LoadedStudy]) -> Result<Plan> {
         let mut tasks = Vec::new();
         for study in studies {
             tasks.extend(self.tasks(study)?);
         }
-        Plan::new(&tasks, &Cook::new(&self.request.root), self.cache)
+        Plan::new(&tasks, cook, self.cache)
     }
 
     fn tasks(&self, study: &LoadedStudy) -> Result<Vec<Arc<dyn Task>>> {
@@ -48,18 +53,27 @@ impl Run<'_> {
         check_writable(self.out)?;
         self.cache.check_writable()?;
         self.cache.sweep()?;
-        let plan = self.plan(studies)?;
-        let machine = Machine::inspect(&self.request.root);
         let cook = Cook::new(&self.request.root);
+        let plan = self.plan_with(&cook, studies)?;
+        let machine = Machine::inspect(&self.request.root);
         let display = Display::new(plan.seconds());
         for damage in plan.damages() {
             display.print(&format!("warning: {damage}; this result is made again"));
         }
         for study in studies {
             let (started, clock) = (SystemTime::now(), Instant::now());
-            let plan = Plan::new(&self.tasks(study)?, &cook, self.cache)?;
+            let plan = self.plan_with(&cook, std::slice::from_ref(study))?;
             let tasks = plan.execute(self.cache, &display)?;
-            let done = |task: &dyn Task| Ok(self.cache.folder(&cook.recipe(task)?.key()));
+            let done = |task: &dyn Task| {
+                let key = cook.recipe(task)?.key();
+                let is_listed = tasks.iter().any(|record| record.key == key);
+                ensure!(
+                    is_listed,
+                    "the study does not list the task `{}`",
+                    task.label()
+                );
+                Ok(self.cache.folder(&key))
+            };
             let report = study
                 .study
                 .report(&done)

@@ -28,7 +28,7 @@ pub trait Task: Send + Sync {
     fn label(&self) -> String;
 
     /// Everything the result depends on apart from [`inputs`](Task::inputs) and
-    /// [`files`](Task::files), seeds included.
+    /// [`files`](Task::files): settings and seeds, but no paths of this machine.
     fn parameters(&self) -> serde_json::Value;
 
     fn inputs(&self) -> Vec<Arc<dyn Task>> {

@@ -1,8 +1,9 @@
-//! Draws a figure: title, panels, legend, caption.
+//! Draws a figure: title, panels with their axes, caption.
 
 use super::axes::{Scale, Tick, scales};
-use super::canvas::{Canvas, Drawn, HPos, Point, VPos, text_width};
-use super::{Axis, DepthPanel, Figure, Mark, PALETTE, Panel, Plot, Shape, viridis};
+use super::canvas::{Canvas, Drawn, HPos, VPos, text_width};
+use super::marks::Frame;
+use super::{Axis, DepthPanel, Figure, PALETTE, Panel, Plot, legend, marks, viridis};
 use plotters::prelude::DrawingBackend;
 use plotters::style::RGBAColor;
 
@@ -10,31 +11,31 @@ const MARGIN: f64 = 24.0;
 const TITLE: f64 = 34.0;
 const PANEL_TITLE: f64 = 27.0;
 const LABEL: f64 = 25.0;
-const TICK: f64 = 22.0;
+pub const TICK: f64 = 22.0;
 const CAPTION: f64 = 22.0;
 /// From one line of text to the next, in units of its size.
 const LEADING: f64 = 1.25;
 const AXIS: RGBAColor = RGBAColor(90, 90, 90, 1.0);
 const GRID: RGBAColor = RGBAColor(225, 225, 225, 1.0);
-const CENTRE: (HPos, VPos) = (HPos::Center, VPos::Center);
-const LEFT: (HPos, VPos) = (HPos::Left, VPos::Center);
-const RIGHT: (HPos, VPos) = (HPos::Right, VPos::Center);
+pub const CENTRE: (HPos, VPos) = (HPos::Center, VPos::Center);
+pub const LEFT: (HPos, VPos) = (HPos::Left, VPos::Center);
+pub const RIGHT: (HPos, VPos) = (HPos::Right, VPos::Center);
 
 /// A rectangle of the figure, in pixels.
 #[derive(Clone, Copy)]
-struct Area {
-    left: f64,
-    top: f64,
-    right: f64,
-    bottom: f64,
+pub struct Area {
+    pub left: f64,
+    pub top: f64,
+    pub right: f64,
+    pub bottom: f64,
 }
 
 impl Area {
-    fn width(&self) -> f64 {
+    pub fn width(&self) -> f64 {
         self.right - self.left
     }
 
-    fn height(&self) -> f64 {
+    pub fn height(&self) -> f64 {
         self.bottom - self.top
     }
 }
@@ -68,7 +69,7 @@ pub fn draw<DB: DrawingBackend>(figure: &Figure, canvas: &Canvas<DB>) -> Drawn {
         area.bottom -= LEADING * CAPTION;
     }
     area.bottom -= 8.0;
-    legend(figure, canvas, &mut area)?;
+    legend::draw(figure, canvas, &mut area)?;
 
     let columns = figure.columns.clamp(1, figure.panels.len().max(1));
     let rows = figure.panels.len().div_ceil(columns);
@@ -105,109 +106,9 @@ fn wrap(text: &str, size: f64, width: f64) -> Vec<String> {
     lines
 }
 
-fn colour(index: usize, alpha: f64) -> RGBAColor {
+pub fn colour(index: usize, alpha: f64) -> RGBAColor {
     let (r, g, b) = PALETTE[index % PALETTE.len()];
     RGBAColor(r, g, b, alpha)
-}
-
-/// One legend for all panels, in rows at the bottom of `area`, which shrinks. A label that several
-/// marks share stands there once, with the keys of those in the first panel on top of each other.
-fn legend<DB: DrawingBackend>(figure: &Figure, canvas: &Canvas<DB>, area: &mut Area) -> Drawn {
-    const KEY: f64 = 44.0;
-    const GAP: f64 = 30.0;
-    let mut entries: Vec<(&str, Vec<&Mark>)> = Vec::new();
-    for panel in &figure.panels {
-        let Panel::Plot(plot) = panel else { continue };
-        let known = entries.len();
-        for mark in &plot.marks {
-            if mark.label.is_empty() || matches!(mark.shape, Shape::Level(_)) {
-                continue;
-            }
-            match entries.iter().position(|(label, _)| *label == mark.label) {
-                Some(position) if position < known => {} // an earlier panel's
-                Some(position) => entries[position].1.push(mark),
-                None => entries.push((&mark.label, vec![mark])),
-            }
-        }
-    }
-    let width_of = |label: &str| KEY + 10.0 + text_width(label, TICK) + GAP;
-    let mut rows: Vec<Vec<&(&str, Vec<&Mark>)>> = Vec::new();
-    let mut used = f64::INFINITY;
-    for entry in &entries {
-        let width = width_of(entry.0);
-        if used + width > area.width() + GAP {
-            rows.push(Vec::new());
-            used = 0.0;
-        }
-        used += width;
-        if let Some(row) = rows.last_mut() {
-            row.push(entry);
-        }
-    }
-    for row in rows.iter().rev() {
-        let y = area.bottom - TICK / 2.0;
-        let total: f64 = row.iter().map(|(label, _)| width_of(label)).sum::<f64>() - GAP;
-        let mut x = (area.left + area.right - total) / 2.0;
-        for (label, marks) in row {
-            for mark in marks {
-                legend_key(mark, (x, y), KEY, canvas)?;
-            }
-            canvas.text(label, (x + KEY + 10.0, y), TICK, LEFT, false)?;
-            x += width_of(label);
-        }
-        area.bottom -= 1.35 * TICK;
-    }
-    if !rows.is_empty() {
-        area.bottom -= 6.0;
-    }
-    Ok(())
-}
-
-fn legend_key<DB: DrawingBackend>(
-    mark: &Mark,
-    (x, y): Point,
-    width: f64,
-    canvas: &Canvas<DB>,
-) -> Drawn {
-    let solid = colour(mark.colour, 1.0);
-    let middle = x + width / 2.0;
-    match mark.shape {
-        Shape::Line(_) => {
-            canvas.line(&[(x, y), (x + width, y)], solid, 3.0)?;
-            canvas.dot((middle, y), 5.0, solid)
-        }
-        Shape::Dashed(_) => canvas.dashed(&[(x, y), (x + width, y)], solid, 3.0),
-        Shape::Band(_) => {
-            canvas.rectangle((x, y - 9.0), (x + width, y + 9.0), colour(mark.colour, 0.2))
-        }
-        Shape::Errors(_) => error_bar((middle, y - 10.0), y + 10.0, solid, canvas),
-        Shape::Scatter(_) => canvas.dot((middle, y), 5.0, solid),
-        Shape::Bars(_) | Shape::Histogram { .. } => {
-            canvas.rectangle((x + 8.0, y - 9.0), (x + width - 8.0, y + 9.0), solid)
-        }
-        Shape::Level(_) => Ok(()),
-    }
-}
-
-/// The place of the data inside a cell, and what maps values to it.
-struct Frame {
-    area: Area,
-    x: Scale,
-    y: Scale,
-}
-
-impl Frame {
-    fn x(&self, value: f64) -> Option<f64> {
-        Some(self.area.left + self.x.share(value)? * self.area.width())
-    }
-
-    fn y(&self, value: f64) -> Option<f64> {
-        Some(self.area.bottom - self.y.share(value)? * self.area.height())
-    }
-
-    fn at(&self, (x, y): Point) -> Option<Point> {
-        Some((self.x(x)?, self.y(y)?))
-    }
 }
 
 fn draw_plot<DB: DrawingBackend>(plot: &Plot, cell: Area, canvas: &Canvas<DB>) -> Drawn {
@@ -220,9 +121,26 @@ fn draw_plot<DB: DrawingBackend>(plot: &Plot, cell: Area, canvas: &Canvas<DB>) -
     };
     let left = cell.left + 1.5 * LABEL + widest(&y_ticks) + 14.0;
     let right = cell.right - 22.0;
-    let slot = (right - left) / plot.x.categories.len().max(1) as f64;
-    let is_upright = !plot.x.categories.is_empty() && widest(&x_ticks) + 8.0 > slot;
-    let tick_height = if is_upright { widest(&x_ticks) } else { TICK };
+    // Names of categories are broken into lines, or stand upright where a word is too wide.
+    let slot = (right - left) / plot.x.categories.len().max(1) as f64 - 8.0;
+    let x_lines: Vec<Vec<String>> = x_ticks
+        .iter()
+        .map(|tick| wrap(tick.label.as_deref().unwrap_or(""), TICK, slot))
+        .collect();
+    let words = x_lines.iter().flatten();
+    let is_upright =
+        !plot.x.categories.is_empty() && words.clone().any(|line| text_width(line, TICK) > slot);
+    let line_count = x_lines.iter().map(Vec::len).max().unwrap_or(0) as f64;
+    let tick_height = if is_upright {
+        widest(&x_ticks)
+    } else {
+        LEADING * TICK * line_count
+    };
+    let x_label_height = if plot.x.label.is_empty() {
+        12.0
+    } else {
+        1.5 * LABEL
+    };
     let frame = Frame {
         area: Area {
             left,
@@ -233,7 +151,7 @@ fn draw_plot<DB: DrawingBackend>(plot: &Plot, cell: Area, canvas: &Canvas<DB>) -
                 } else {
                     1.6 * PANEL_TITLE
                 },
-            bottom: cell.bottom - 1.7 * LABEL - tick_height - 8.0,
+            bottom: cell.bottom - x_label_height - tick_height - 8.0,
         },
         x,
         y,
@@ -258,7 +176,7 @@ fn draw_plot<DB: DrawingBackend>(plot: &Plot, cell: Area, canvas: &Canvas<DB>) -
             canvas.text(label, (area.left - 10.0, at), TICK, RIGHT, false)?;
         }
     }
-    for tick in &x_ticks {
+    for (tick, lines) in x_ticks.iter().zip(&x_lines) {
         let Some(at) = frame.x(tick.value) else {
             continue;
         };
@@ -267,12 +185,19 @@ fn draw_plot<DB: DrawingBackend>(plot: &Plot, cell: Area, canvas: &Canvas<DB>) -
         }
         if let Some(label) = &tick.label {
             canvas.line(&[(at, area.bottom), (at, area.bottom + 6.0)], AXIS, 1.0)?;
-            let below = area.bottom + 8.0 + tick_height / 2.0;
-            canvas.text(label, (at, below), TICK, CENTRE, is_upright)?;
+            if is_upright {
+                let middle = (at, area.bottom + 8.0 + tick_height / 2.0);
+                canvas.text(label, middle, TICK, CENTRE, true)?;
+                continue;
+            }
+            for (row, line) in lines.iter().enumerate() {
+                let middle = (at, area.bottom + 8.0 + TICK * (0.5 + LEADING * row as f64));
+                canvas.text(line, middle, TICK, CENTRE, false)?;
+            }
         }
     }
     for mark in &plot.marks {
-        draw_mark(mark, plot, &frame, canvas)?;
+        marks::draw(mark, plot, &frame, canvas)?;
     }
     canvas.frame((area.left, area.top), (area.right, area.bottom), AXIS)?;
     canvas.text(
@@ -297,128 +222,6 @@ fn named_ticks(axis: &Axis, scale: &Scale, count: usize) -> Vec<Tick> {
             label: Some(name.clone()),
         })
         .collect()
-}
-
-fn draw_mark<DB: DrawingBackend>(
-    mark: &Mark,
-    plot: &Plot,
-    frame: &Frame,
-    canvas: &Canvas<DB>,
-) -> Drawn {
-    let solid = colour(mark.colour, 1.0);
-    let places =
-        |points: &[Point]| -> Vec<Point> { points.iter().filter_map(|&p| frame.at(p)).collect() };
-    match &mark.shape {
-        Shape::Line(points) => {
-            let places = places(points);
-            canvas.line(&places, solid, 3.0)?;
-            places.iter().try_for_each(|&p| canvas.dot(p, 5.0, solid))
-        }
-        Shape::Dashed(points) => canvas.dashed(&places(points), solid, 3.0),
-        Shape::Scatter(points) => {
-            let faint = colour(mark.colour, 0.6);
-            places(points)
-                .iter()
-                .try_for_each(|&p| canvas.dot(p, 4.0, faint))
-        }
-        Shape::Band(points) => {
-            let side = |of: fn(&(f64, f64, f64)) -> f64| -> Vec<Point> {
-                points
-                    .iter()
-                    .filter_map(|p| frame.at((p.0, of(p))))
-                    .collect()
-            };
-            let (low, high) = (side(|p| p.1), side(|p| p.2));
-            let round: Vec<Point> = low.into_iter().chain(high.into_iter().rev()).collect();
-            canvas.polygon(&round, colour(mark.colour, 0.2))
-        }
-        Shape::Errors(points) => points.iter().try_for_each(|&(x, low, high)| {
-            match (frame.at((x, high)), frame.y(low)) {
-                (Some(top), Some(bottom)) => error_bar(top, bottom, solid, canvas),
-                _ => Ok(()),
-            }
-        }),
-        Shape::Bars(bars) => draw_bars(mark, bars, plot, frame, canvas),
-        Shape::Histogram { edges, heights } => {
-            let bottom = frame.y(0.0).unwrap_or(frame.area.bottom);
-            for (edge, height) in edges.windows(2).zip(heights) {
-                let (from, to) = (frame.at((edge[0], *height)), frame.x(edge[1]));
-                if let (Some(from), Some(to)) = (from, to) {
-                    canvas.rectangle(from, (to, bottom), colour(mark.colour, 0.55))?;
-                    canvas.frame(from, (to, bottom), solid)?;
-                }
-            }
-            Ok(())
-        }
-        Shape::Level(value) => {
-            let Some(y) = frame.y(*value) else {
-                return Ok(());
-            };
-            canvas.dashed(&[(frame.area.left, y), (frame.area.right, y)], solid, 2.0)?;
-            let right = frame.area.right - 8.0;
-            // Above the line, or below it when it lies at the very top.
-            let side = if y - 1.4 * TICK < frame.area.top {
-                0.75
-            } else {
-                -0.75
-            };
-            let middle = y + side * TICK;
-            let from = (
-                right - text_width(&mark.label, TICK) - 6.0,
-                middle - 0.5 * TICK,
-            );
-            canvas.rectangle(
-                from,
-                (right + 4.0, middle + 0.5 * TICK),
-                RGBAColor(255, 255, 255, 0.8),
-            )?;
-            canvas.text(&mark.label, (right, middle), TICK, RIGHT, false)
-        }
-    }
-}
-
-/// The bars of one mark stand side by side with those of the plot's other marks.
-fn draw_bars<DB: DrawingBackend>(
-    mark: &Mark,
-    bars: &[(f64, Option<(f64, f64)>)],
-    plot: &Plot,
-    frame: &Frame,
-    canvas: &Canvas<DB>,
-) -> Drawn {
-    const GROUP: f64 = 0.8;
-    let all = plot
-        .marks
-        .iter()
-        .filter(|m| matches!(m.shape, Shape::Bars(_)));
-    let count = all.clone().count() as f64;
-    let rank = all.take_while(|m| !std::ptr::eq(*m, mark)).count() as f64;
-    let bottom = frame.y(0.0).unwrap_or(frame.area.bottom);
-    for (position, (value, error)) in bars.iter().enumerate() {
-        let start = position as f64 - GROUP / 2.0 + GROUP * rank / count;
-        let end = start + 0.94 * GROUP / count;
-        let (Some(from), Some(right)) = (frame.at((start, *value)), frame.x(end)) else {
-            continue;
-        };
-        canvas.rectangle(from, (right, bottom), colour(mark.colour, 1.0))?;
-        let Some((low, high)) = error else { continue };
-        if let (Some(top), Some(bottom)) = (frame.at(((start + end) / 2.0, *high)), frame.y(*low)) {
-            error_bar(top, bottom, RGBAColor(30, 30, 30, 1.0), canvas)?;
-        }
-    }
-    Ok(())
-}
-
-fn error_bar<DB: DrawingBackend>(
-    top: Point,
-    bottom: f64,
-    colour: RGBAColor,
-    canvas: &Canvas<DB>,
-) -> Drawn {
-    const CAP: f64 = 6.0;
-    let (x, top) = top;
-    canvas.line(&[(x, top), (x, bottom)], colour, 2.0)?;
-    canvas.line(&[(x - CAP, top), (x + CAP, top)], colour, 2.0)?;
-    canvas.line(&[(x - CAP, bottom), (x + CAP, bottom)], colour, 2.0)
 }
 
 fn draw_depth<DB: DrawingBackend>(panel: &DepthPanel, cell: Area, canvas: &Canvas<DB>) -> Drawn {
