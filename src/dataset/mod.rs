@@ -19,7 +19,7 @@ mod spec;
 pub use generate::generate;
 pub use record::{ArmRecord, CameraRecord, FORMAT, ImageRecord, LabelRecord, SetRecord};
 pub use sampling::{Pixel, draw_pixels, folds, sample_pixels};
-pub use sheet::{SheetStyle, contact_sheet};
+pub use sheet::{SheetStyle, contact_sheet, viridis};
 pub use spec::{SetSpec, VisibilitySpec};
 
 use crate::camera::png::{PngError, read_depth, read_labels};

@@ -95,7 +95,7 @@ fn colour(set: &DataSet, frame: &Frame, pixel: usize, far_mm: f64, tint: bool) -
 }
 
 /// The colour map viridis, linear between nine of its colours; 0 is dark, 1 bright.
-fn viridis(x: f64) -> [u8; 3] {
+pub fn viridis(x: f64) -> [u8; 3] {
     const COLOURS: [[f64; 3]; 9] = [
         [68.0, 1.0, 84.0],
         [71.0, 44.0, 122.0],

@@ -145,30 +145,6 @@ pub const PALETTE: [(u8, u8, u8); 8] = [
     (0, 0, 0),
 ];
 
-/// The colour map viridis, linear between ten of its colours: 0 is dark, 1 is bright. It looks
-/// evenly spaced, also in grey and to people with any kind of colour vision.
-pub fn viridis(share: f64) -> [u8; 3] {
-    const COLOURS: [[f64; 3]; 10] = [
-        [68.0, 1.0, 84.0],
-        [72.0, 40.0, 120.0],
-        [62.0, 73.0, 137.0],
-        [49.0, 104.0, 142.0],
-        [38.0, 130.0, 142.0],
-        [31.0, 158.0, 137.0],
-        [53.0, 183.0, 121.0],
-        [110.0, 206.0, 88.0],
-        [181.0, 222.0, 43.0],
-        [253.0, 231.0, 37.0],
-    ];
-    let position = share.clamp(0.0, 1.0) * 9.0;
-    let below = (position as usize).min(8);
-    let part = position - below as f64;
-    std::array::from_fn(|c| {
-        let (from, to) = (COLOURS[below][c], COLOURS[below + 1][c]);
-        (from + (to - from) * part).round() as u8
-    })
-}
-
 /// A bitmap is drawn this much larger and averaged, so that edges are smooth.
 const OVERSAMPLING: usize = 2;
 

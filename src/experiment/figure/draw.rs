@@ -3,7 +3,8 @@
 use super::axes::{Scale, Tick, scales};
 use super::canvas::{Canvas, Drawn, HPos, VPos, text_width};
 use super::marks::Frame;
-use super::{Axis, DepthPanel, Figure, PALETTE, Panel, Plot, legend, marks, viridis};
+use super::{Axis, DepthPanel, Figure, PALETTE, Panel, Plot, legend, marks};
+use crate::dataset::viridis;
 use plotters::prelude::DrawingBackend;
 use plotters::style::RGBAColor;
 
