@@ -16,7 +16,7 @@ use std::collections::BTreeMap;
 use std::path::Path;
 
 /// So many frames are drawn for an image before its specification is given up.
-const TRIES: usize = 20_000;
+const TRIES: usize = 2_000;
 
 /// Draws a data set into `folder`, which must be empty or not exist yet. Images are independent of
 /// each other: the same whatever their number and the number of threads. `progress` counts images.
@@ -137,8 +137,8 @@ impl<'a> Studio<'a> {
         for _ in 0..TRIES {
             let configuration = self.poses.sample(&self.rig.robot, stream);
             let root_from_link = self.rig.robot.forward_kinematics(&configuration);
-            let boxes = self.collision.posed(&root_from_link);
-            if self.collision.first(&boxes).is_some() || self.near_camera(&boxes) {
+            let boxes = self.collision.boxes(&root_from_link);
+            if self.collision.first(&root_from_link, &boxes).is_some() || self.near_camera(&boxes) {
                 record.collided += 1;
                 continue;
             }

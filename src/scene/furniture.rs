@@ -180,3 +180,54 @@ impl Piece {
 const BOARD: f64 = 0.02;
 /// Height of their lowest board.
 const BOTTOM: f64 = 0.08;
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::random::stream;
+    use nalgebra::Point3;
+    use std::collections::BTreeSet;
+
+    fn pieces() -> Vec<Piece> {
+        let kinds = [Piece::chair, Piece::table, Piece::closet, Piece::shelf];
+        let many = (0..20).map(|i| stream(i, "furniture test", &[]));
+        many.flat_map(|mut s| kinds.map(|build| build(&mut s)))
+            .collect()
+    }
+
+    #[test]
+    fn parts_are_closed_and_face_outward() {
+        for piece in pieces() {
+            let parts = piece.mesh.components();
+            assert!(parts.len() > 4);
+            for part in parts {
+                let corners = |t: &[u32; 3]| t.map(|v| Vector3::from(part.vertices[v as usize]));
+                let volume = |[a, b, c]: [Vector3<f32>; 3]| a.cross(&b).dot(&c) / 6.0;
+                let volume: f32 = part.triangles.iter().map(|t| volume(corners(t))).sum();
+                assert!(volume > 0.0);
+                let edges = |&[a, b, c]: &[u32; 3]| [(a, b), (b, c), (c, a)];
+                let edges: Vec<_> = part.triangles.iter().flat_map(edges).collect();
+                let distinct: BTreeSet<_> = edges.iter().copied().collect();
+                // Where boards touch along an edge the welded parts share it, in pairs.
+                assert!(distinct.iter().all(|&(a, b)| distinct.contains(&(b, a))));
+            }
+        }
+    }
+
+    #[test]
+    fn pieces_stand_on_the_floor_within_their_boxes() {
+        for piece in pieces() {
+            let vertices = || {
+                piece
+                    .mesh
+                    .vertices
+                    .iter()
+                    .map(|v| Point3::from(v.map(f64::from)))
+            };
+            let lowest = vertices().map(|v| v.z).fold(f64::INFINITY, f64::min);
+            assert!(lowest.abs() < 1e-6, "{lowest}");
+            let covered = |v: Point3<f64>| piece.boxes.iter().any(|b| b.distance(&v) < 1e-5);
+            assert!(vertices().all(covered));
+        }
+    }
+}

@@ -138,6 +138,15 @@ impl Rig {
         })
     }
 
+    /// A hash of all there is to know of the rig, meshes included: caches use it to see whether any
+    /// of the files it was read from has changed its meaning.
+    pub fn fingerprint(&self) -> String {
+        // The debug form has every field, and floats in full precision.
+        blake3::hash(format!("{self:?}").as_bytes())
+            .to_hex()
+            .to_string()
+    }
+
     /// The index of the arm `name`.
     pub fn arm(&self, name: &str) -> Option<usize> {
         self.arms.iter().position(|arm| arm.name == name)
