@@ -337,9 +337,9 @@ fn mistakes_in_a_specification_are_named() {
         generate(&spec, 1, &folder.path().join("set"), &|_| {})
     };
     for (from, to, part) in [
-        ("clearance = 1.0", "clearence = 1.0", "clearence"),
+        ("\nclearance = 0.8", "\nclearence = 0.8", "clearence"),
         ("images = 200", "images = 0", "images = 0"),
-        ("ahead = [1.4, 3.0]", "ahead = [3.0, 1.4]", "room.ahead"),
+        ("ahead = [1.4, 2.6]", "ahead = [2.6, 1.4]", "room.ahead"),
         ("behind = [1.0, 2.0]", "behind = [nan, 2.0]", "room.behind"),
         ("chairs = [1, 3]", "chairs = [3, 1]", "furniture.chairs"),
         ("target = \"right\"", "target = \"rihgt\"", "rihgt"),

@@ -57,14 +57,14 @@ impl Piece {
 
     /// An open carcass with boards inside, behind two doors with handles; one door stands open.
     pub fn closet(s: &mut Stream) -> Self {
-        let (w, d) = (uniform(s, 0.4, 0.6), uniform(s, 0.22, 0.3));
+        let (w, d) = (uniform(s, 0.3, 0.45), uniform(s, 0.19, 0.26));
         let height = uniform(s, 1.4, 2.0);
         let boards = 3 + below(s, 2);
         let mut closet = Self::carcass(w, d, height, boards);
 
         let gap = 0.008;
         let thick = 0.022;
-        let open = [0.0, 0.0, uniform(s, 0.3, 1.6)];
+        let open = [0.0, 0.0, uniform(s, 0.1, 0.9)];
         let first_open = below(s, 2);
         for (door, side) in [-1.0, 1.0].into_iter().enumerate() {
             // A door is built about its hinge, a corner of the front, and then turned outward.
@@ -79,7 +79,7 @@ impl Piece {
             };
             let mut panel = Piece::default();
             panel.block(across(gap, w - gap), [-thick, 0.0], [0.09, height - gap]);
-            let handle = uniform(s, 0.5, 0.8);
+            let handle = uniform(s, 0.5, 0.7);
             let at = across(w - 0.09, w - 0.06);
             panel.block(at, [-thick - 0.045, -thick], [handle, handle + 0.25]);
             closet.join(panel.placed(&hinge));
