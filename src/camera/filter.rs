@@ -167,3 +167,100 @@ fn is_accepted(
     }
     inliers as f32 > window.len() as f32 * SHARE
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::random::{below, stream, unit};
+
+    const WIDTH: usize = 230; // more than a tile of the pattern
+    const HEIGHT: usize = 60;
+
+    /// Slanted surfaces with a jump between them, holes, and wrong values.
+    fn disparities() -> Vec<u16> {
+        let mut s = stream(1, "filter test", &[]);
+        let mut code = |row: usize, column: usize| {
+            let surface = if column + row / 2 > 110 {
+                300 + column / 9
+            } else {
+                180 + row / 3
+            };
+            match unit(&mut s) {
+                x if x < 0.1 => 0,
+                x if x < 0.15 => below(&mut s, 600) as u16,
+                _ => surface as u16,
+            }
+        };
+        let pixels = (0..HEIGHT).flat_map(|row| (0..WIDTH).map(move |column| (row, column)));
+        pixels.map(|(row, column)| code(row, column)).collect()
+    }
+
+    /// The definition, pixel by pixel.
+    fn by_definition(codes: &[u16]) -> Vec<u16> {
+        let pattern = DotPattern::new();
+        let at = |row: usize, column: usize| codes[row * WIDTH + column];
+        let is_dot = |row: usize, column: usize| {
+            let masks = pattern.fill_masks(row);
+            masks[column % masks.len()] & 1 == 1
+        };
+        let mut accepted = Vec::new();
+        for row in 4..HEIGHT - 4 {
+            for column in (4..WIDTH - 4).filter(|&c| is_dot(row, c) && at(row, c) > 0) {
+                let window = || {
+                    (row - 4..=row + 4).flat_map(|r| (column - 4..=column + 4).map(move |c| (r, c)))
+                };
+                let valid: Vec<f32> = window()
+                    .map(|(r, c)| f32::from(at(r, c)))
+                    .filter(|&d| d > 0.0)
+                    .collect();
+                let mean = valid.iter().sum::<f32>() / valid.len() as f32;
+                let inlier = |&(r, c): &(usize, usize)| {
+                    let square = (r.abs_diff(row).pow(2) + c.abs_diff(column).pow(2)) as f32;
+                    let tolerance = 0.1 / 0.125 * if square == 0.0 { 1.0 } else { 1.44 * square };
+                    at(r, c) > 0 && (f32::from(at(r, c)) - mean).abs() < tolerance
+                };
+                let dots: Vec<(usize, usize)> = window().filter(|&(r, c)| is_dot(r, c)).collect();
+                if dots.iter().filter(|dot| inlier(dot)).count() * 3 > dots.len() * 2 {
+                    accepted.push((row, column));
+                }
+            }
+        }
+        let nearest = |row: usize, column: usize| {
+            let square =
+                |&(r, c): &(usize, usize)| r.abs_diff(row).pow(2) + c.abs_diff(column).pow(2);
+            let dots = accepted.iter().filter(|dot| square(dot) <= 9);
+            dots.min_by_key(|dot| (square(dot), **dot))
+                .map_or(0, |&(r, c)| at(r, c))
+        };
+        (0..HEIGHT * WIDTH)
+            .map(|pixel| nearest(pixel / WIDTH, pixel % WIDTH))
+            .collect()
+    }
+
+    #[test]
+    fn the_filter_does_what_its_definition_says() {
+        let codes = disparities();
+        let mut filter = WindowFilter::new(WIDTH, HEIGHT, 0.125);
+        // Twice, since memory is used again.
+        for _ in 0..2 {
+            let mut filtered = vec![0; WIDTH * HEIGHT];
+            filter.apply(
+                &codes,
+                |_, _, code| code,
+                |pixel, code| filtered[pixel] = code,
+            );
+            assert!(filtered == by_definition(&codes));
+            let valid = filtered.iter().filter(|&&code| code > 0).count();
+            assert!(valid > filtered.len() / 2 && valid < filtered.len() * 9 / 10);
+        }
+    }
+
+    #[test]
+    fn images_smaller_than_the_window_stay_empty() {
+        for (width, height) in [(8, 20), (20, 8), (1, 1)] {
+            let mut filter = WindowFilter::new(width, height, 0.125);
+            let codes = vec![100; width * height];
+            filter.apply(&codes, |_, _, code| code, |_, _| panic!("no window fits"));
+        }
+    }
+}

@@ -126,3 +126,60 @@ impl PerlinField {
         mix(upper, lower, fade(y))
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::random::stream;
+
+    /// Products of the noise at pairs of places `lag` px apart, over many fields and places.
+    fn correlation(noise: Noise, lag: usize) -> f64 {
+        let mut sum = 0.0;
+        let (fields, places) = (400, 50);
+        for field in 0..fields {
+            let mut s = stream(field, "noise test", &[]);
+            let mut field = NoiseField::new(Some(noise), &mut s);
+            for place in 0..places {
+                let (column, row) = (place * 97 % 640, place * 61 % 480);
+                let here = field.at(column, row);
+                sum += here
+                    * if lag == 0 {
+                        here
+                    } else {
+                        field.at(column + lag, row)
+                    };
+            }
+        }
+        sum / (fields * places as u64) as f64
+    }
+
+    #[test]
+    fn perlin_noise_has_its_deviation_and_is_smooth() {
+        let noise = Noise::Perlin(Perlin {
+            sd_px: 0.2,
+            cell_px: 240.0,
+            octaves: 6,
+            persistence: 0.7,
+        });
+        let variance = correlation(noise, 0);
+        assert!((variance.sqrt() / 0.2 - 1.0).abs() < 0.05, "{variance}");
+        // render_kinect's field: 0.98 at 1 px, 0.77 at 20 px, 0.25 at 80 px.
+        let at = |lag| correlation(noise, lag) / variance;
+        assert!(at(1) > 0.95 && at(1) < 1.0, "{}", at(1));
+        assert!(at(20) > 0.6 && at(20) < 0.9, "{}", at(20));
+        assert!(
+            at(80) < 0.5 && at(600).abs() < 0.15,
+            "{} {}",
+            at(80),
+            at(600)
+        );
+    }
+
+    #[test]
+    fn gaussian_noise_has_its_deviation_and_no_memory() {
+        let noise = Noise::Gaussian(Gaussian { sd_px: 0.1 });
+        let variance = correlation(noise, 0);
+        assert!((variance.sqrt() / 0.1 - 1.0).abs() < 0.03, "{variance}");
+        assert!((correlation(noise, 1) / variance).abs() < 0.03);
+    }
+}

@@ -113,7 +113,10 @@ impl Bench<'_> {
         Observation {
             slant_deg: Some(slant),
             axial_sd_mm: enough.then_some(sd * 1000.0),
-            depth_step_mm: mean_step(valid.iter().map(|pair| pair.0), distance),
+            // On a steep wall few pixels share a depth, and not all depths occur.
+            depth_step_mm: (slant < 10.0)
+                .then(|| mean_step(valid.iter().map(|pair| pair.0), distance))
+                .flatten(),
             valid_share: Some(valid.len() as f64 / pairs.len() as f64),
             pixels: pairs.len(),
             ..self.observation(measurement, distance, frame)
@@ -164,7 +167,8 @@ impl Bench<'_> {
             };
             left_gap += gap(&mut (0..middle).rev());
             right_gap += gap(&mut (middle..width));
-            let is_near = |mm: u16| mm > 0 && (f64::from(mm) / 1000.0 / distance - 1.0).abs() < 0.1;
+            let is_near =
+                |mm: u16| mm > 0 && f64::from(mm) / 1000.0 < distance.midpoint(background);
             let found = (middle..width).rev().find(|&c| is_near(depth[c]));
             edges.extend(found.map(|found| found as f64 - right as f64));
         }

@@ -151,7 +151,7 @@ impl Task for Measurements {
     fn stage(&self) -> Stage {
         Stage {
             name: "sensor-measurements".to_owned(),
-            version: 1,
+            version: 2,
         }
     }
 

@@ -230,7 +230,8 @@ fn figure(title: &str, conditions: &[Condition]) -> Figure {
                 of_source.filter_map(|o| Some((x(o)?, y(o)?))).collect();
             points.sort_by(|a, b| a.0.total_cmp(&b.0));
             if !points.is_empty() {
-                let shape = if source == "Kinect" {
+                // Plates differ in more than their distance.
+                let shape = if source == "Kinect" || measurements == ["plate"] {
                     Shape::Scatter(points)
                 } else {
                     Shape::Line(points)
@@ -277,7 +278,7 @@ fn figure(title: &str, conditions: &[Condition]) -> Figure {
     noise.push(curve("Nguyen et al.", 5, (0.5, 5.0), &|z| nguyen(z, 0.0)));
     let mut steps = lines(&["wall", "real step"], distance, |o| o.depth_step_mm);
     if let Some(step) = step {
-        noise.push(curve("rounding alone", 6, (0.5, 5.0), &|z| {
+        noise.push(curve("rounding alone", 4, (0.5, 5.0), &|z| {
             step * z * z / 12f64.sqrt()
         }));
         steps.push(curve("z² / (8 f b)", 7, (0.5, 5.0), &|z| step * z * z));
