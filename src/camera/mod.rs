@@ -133,7 +133,7 @@ impl Camera {
                 range.far_m
             ));
         }
-        if !(range.far_m <= MAX_DEPTH_M) {
+        if range.far_m > MAX_DEPTH_M {
             return Some(format!(
                 "range: far_m = {} must be at most {MAX_DEPTH_M}, since depth is stored as 16-bit mm",
                 range.far_m
@@ -144,7 +144,7 @@ impl Camera {
             return Some("projector: baseline_m and disparity_step_px must be positive".into());
         }
         let steps = i.fx * projector.baseline_m / range.near_m / projector.disparity_step_px;
-        if !(steps < MAX_DISPARITY_STEPS) {
+        if steps >= MAX_DISPARITY_STEPS {
             return Some(format!(
                 "projector: the disparity at near_m is {steps:.0} steps of disparity_step_px; \
                  it must be less than {MAX_DISPARITY_STEPS}"

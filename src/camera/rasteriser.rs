@@ -89,7 +89,7 @@ impl ProjectorView {
         }
     }
 
-    fn from_camera(&self, v: ScreenVertex) -> ScreenVertex {
+    fn shifted(&self, v: ScreenVertex) -> ScreenVertex {
         let x = v.x - self.focal_baseline * v.inverse_depth + self.margin;
         ScreenVertex {
             x: x * PROJECTOR_OVERSAMPLING as f64,
@@ -245,7 +245,7 @@ impl Rasteriser {
             }
         });
         if let Some(projector) = projector {
-            let triangle = triangle.map(|v| projector.from_camera(v));
+            let triangle = triangle.map(|v| projector.shifted(v));
             for_each_span(projector.width, height, triangle, |span, first, step| {
                 let mut run = Run::new(first, step, span.len());
                 let blocks = &mut projector.inverse_depth[whole_blocks(&span)];
