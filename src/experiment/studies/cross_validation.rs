@@ -273,30 +273,37 @@ impl CrossValidationStudy {
                 marks: marks.collect(),
             })
         };
-        let scatter = drawn()
-            .filter(|(_, m)| m.id != "constant-pose")
-            .map(|(at, method)| {
-                let points = method.results.iter().map(|r| {
-                    // A logarithmic axis has no place for none.
-                    (r.outcome.visible.max(1) as f64, r.error.all_deg)
-                });
-                Mark::new(method.title, colour(at), Shape::Scatter(points.collect()))
-            });
-        let floor = mean(&methods[1].images(|e| e.all_deg));
+        // By the pixels that show the arm: each image, and the mean of each fifth of the images. A
+        // logarithmic axis has no place for none.
+        let seen = |r: &Tested| (r.outcome.visible.max(1) as f64, r.error.all_deg);
+        let scatter = drawn().filter(|(_, m)| m.id != "constant-pose").map(|(at, method)| {
+            let points = method.results.iter().map(seen);
+            Mark::new("", colour(at), Shape::Scatter(points.collect()))
+        });
+        let fifths = drawn().map(|(at, method)| {
+            let mut points: Vec<(f64, f64)> = method.results.iter().map(seen).collect();
+            points.sort_by(|a, b| a.0.total_cmp(&b.0));
+            let fifth = |points: &[(f64, f64)]| {
+                let errors: Vec<f64> = points.iter().map(|p| p.1).collect();
+                (points[points.len() / 2].0, mean(&errors))
+            };
+            let size = points.len().div_ceil(5);
+            let line = points.chunks(size).map(fifth).collect();
+            Mark::new(method.title, colour(at), Shape::Line(line))
+        });
         let visibility = Panel::Plot(Plot {
             title: "Error by what is seen of the arm".to_owned(),
             x: Axis::new("visible pixels of the arm").log(),
             y: Axis::new("mean joint error of the image (deg)").including(0.0, 0.0),
-            marks: scatter
-                .chain([Mark::new("constant pose", 7, Shape::Level(floor))])
-                .collect(),
+            marks: scatter.chain(fifths).collect(),
         });
         let Protocol { images, folds, .. } = &self.specification.parameters.protocol;
         Figure {
             title: self.specification.title.clone(),
             caption: format!(
                 "Images without segmentation. Bars: mean over {images} images, each tested by a \
-                 forest that had not seen it; whiskers: one standard deviation over {folds} folds."
+                 forest that had not seen it; whiskers: one standard deviation over {folds} folds. \
+                 Last panel: a dot is an image, a line joins the means of its fifths."
             ),
             panels: vec![
                 plot("Joint error", "mean absolute error (deg)", &all[..3]),

@@ -3,11 +3,11 @@
 use crate::dataset::DataSet;
 use crate::experiment::claims::{Claim, ClaimResult, Scalar, Verdict};
 use crate::experiment::figure::{Axis, DepthPanel, Figure, Mark, Panel, Plot, Shape};
-use crate::experiment::statistics::quantile;
 use crate::experiment::study::{Done, Report, Specification, Study};
 use crate::experiment::table::{Cell, Table};
 use crate::experiment::task::Task;
 use crate::experiment::tasks::data_set::DataSetTask;
+use crate::scene::Rig;
 use anyhow::{Context, Result, bail};
 use serde::{Deserialize, Serialize};
 use std::sync::Arc;
@@ -116,7 +116,7 @@ impl Study for Sets {
         let little = self.specification.parameters.little_px;
         let counts: Vec<Counts> = sets.iter().map(|set| Counts::new(set, little)).collect();
         let summary = summary(&sets, &counts, little);
-        let mut figures = vec![(self.specification.id.clone(), self.figure(&sets))];
+        let mut figures = vec![(self.specification.id.clone(), self.figure(&sets)?)];
         for set in &sets {
             figures.push((
                 format!("{}-{}", self.specification.id, set.record().name),
@@ -254,7 +254,13 @@ fn contact_sheet(set: &DataSet) -> Result<Figure> {
 
 impl Sets {
     /// How the joints of the first set are distributed, and how much of the arm is seen.
-    fn figure(&self, sets: &[DataSet]) -> Figure {
+    fn figure(&self, sets: &[DataSet]) -> Result<Figure> {
+        let rig = Rig::read(&self.tasks[0].spec.robot_path())?;
+        let limits: Vec<(f64, f64)> = rig.robot.dof_joints().map(|joint| joint.limits).collect();
+        let arm = rig.arms.iter().find(|arm| arm.name == sets[0].record().specification.target);
+        let joints = arm.map_or(&[][..], |arm| &arm.joints);
+        let limits: Vec<(f64, f64)> = joints.iter().map(|&dof| limits[dof]).collect();
+
         let histogram = |values: &[f64], edges: Vec<f64>| {
             let bins = edges.len() - 1;
             let mut heights = vec![0.0; bins];
@@ -273,17 +279,18 @@ impl Sets {
         let set = &sets[0];
         let mut panels = Vec::new();
         for (at, joint) in set.target_joints().iter().enumerate() {
-            let mut values: Vec<f64> = (0..set.len())
-                .map(|image| set.pose(image)[at].to_degrees())
-                .collect();
-            values.sort_by(f64::total_cmp);
-            let (low, high) = (quantile(&values, 0.0), quantile(&values, 1.0));
-            let edges = spread(low, if high > low { high } else { low + 1.0 });
+            let values: Vec<f64> = (0..set.len()).map(|i| set.pose(i)[at].to_degrees()).collect();
+            let (low, high) = limits[at];
+            let edges = spread(low.to_degrees(), high.to_degrees());
+            let uniform = 100.0 / (edges.len() - 1) as f64;
             panels.push(Panel::Plot(Plot {
                 title: joint.clone(),
                 x: Axis::new("joint angle (deg)"),
                 y: Axis::new("share of images (%)").including(0.0, 0.0),
-                marks: vec![Mark::new("", 0, histogram(&values, edges))],
+                marks: vec![
+                    Mark::new("", 0, histogram(&values, edges)),
+                    Mark::new("uniform", 7, Shape::Level(uniform)),
+                ],
             }));
         }
         let arms = set.record().arms.iter().enumerate().map(|(arm, record)| {
@@ -306,13 +313,17 @@ impl Sets {
             y: Axis::new("share of images (%)").including(0.0, 0.0),
             marks: arms.collect(),
         }));
-        Figure {
+        Ok(Figure {
             title: self.specification.title.clone(),
-            caption: format!("Set {}: {} images.", set.record().name, set.len()),
+            caption: format!(
+                "Set {}: {} images. The axes of the joints span their limits.",
+                set.record().name,
+                set.len()
+            ),
             panels,
             columns: 4,
             size: (2000, 1700),
-        }
+        })
     }
 }
 

@@ -71,7 +71,7 @@ impl Task for EstimatesTask {
     }
 
     fn label(&self) -> String {
-        format!("estimates of {}", self.forest.label())
+        format!("estimates with {} trees, sigma {}: {}", self.trees, self.sigma, self.forest.label())
     }
 
     fn parameters(&self) -> serde_json::Value {

@@ -115,9 +115,13 @@ impl Task for PoseForestTask {
     }
 
     fn label(&self) -> String {
+        let forest = &self.training.forest;
+        let depth = forest.max_depth.map_or(String::new(), |most| format!(", depth {most}"));
         format!(
-            "forest on {}, fold {} of {}",
+            "forest on {} (leaves {}, features {}{depth}), fold {} of {}",
             self.objective.title(),
+            forest.min_leaf,
+            forest.features_per_node,
             self.fold + 1,
             self.set.spec.name
         )
