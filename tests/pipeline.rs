@@ -26,7 +26,10 @@ fn a_forest_knows_the_images_it_was_trained_on() {
         training: Training {
             foreground: 2000,
             background: 1000,
-            features: FeatureSpec { count: 200, window: 200 },
+            features: FeatureSpec {
+                count: 200,
+                window: 200,
+            },
             forest: GrowSpec {
                 trees: 5,
                 min_leaf: 60,
@@ -38,12 +41,13 @@ fn a_forest_knows_the_images_it_was_trained_on() {
         fold: 0,
     });
     // The constructor refuses images that the forest has seen; here they are wanted.
-    assert!(EstimatesTask::new(forest.clone(), vec![3], 1.0, 5).is_err());
+    assert!(EstimatesTask::new(forest.clone(), vec![3], 1.0, 5, 1).is_err());
     let estimates = EstimatesTask {
         forest: forest.clone(),
         images: (0..IMAGES).collect(),
         sigma: 1.0,
         trees: 5,
+        stride: 1,
     };
 
     let folder = tempfile::tempdir().unwrap();
@@ -56,7 +60,9 @@ fn a_forest_knows_the_images_it_was_trained_on() {
     let quiet = |_| ();
     set.run(&[], &images, &quiet).unwrap();
     forest.run(&[images.clone()], &model, &quiet).unwrap();
-    estimates.run(&[model, images.clone()], &out, &quiet).unwrap();
+    estimates
+        .run(&[model, images.clone()], &out, &quiet)
+        .unwrap();
 
     let set = DataSet::open(&images).unwrap();
     let constant = mean_pose((0..IMAGES).map(|image| set.pose(image)));
@@ -68,7 +74,9 @@ fn a_forest_knows_the_images_it_was_trained_on() {
         let floor = mean_angle_error(truth, &constant).to_degrees();
         println!(
             "image {}: {:.1} deg at t_r = 0, {:.1} at 0.9; constant pose {floor:.1}",
-            estimated.image, error(0), error(90)
+            estimated.image,
+            error(0),
+            error(90)
         );
         assert!(error(90) < 0.25 * floor);
     }

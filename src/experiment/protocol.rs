@@ -26,6 +26,8 @@ pub struct Protocol {
     pub folds: usize,
     /// The bandwidth of eq. 2.
     pub sigma: f64,
+    /// Test pixels are those of every such row and column; 1, as in the paper, for all.
+    pub stride: usize,
     pub training: Training,
 }
 
@@ -65,6 +67,9 @@ impl CrossValidation {
         if !(sigma > 0.0 && sigma.is_finite()) {
             bail!("sigma = {sigma}: choose a positive number");
         }
+        if protocol.stride == 0 {
+            bail!("stride = 0: choose at least 1, for all pixels");
+        }
         let grow = &protocol.training.forest;
         let features = protocol.training.features.count;
         if !(1..=features).contains(&grow.features_per_node) {
@@ -97,6 +102,7 @@ impl CrossValidation {
         sigma: f64,
         trees: usize,
     ) -> Result<Vec<Arc<EstimatesTask>>> {
+        let stride = self.protocol.stride;
         let fold = |(fold, test): (usize, &Vec<usize>)| {
             let is_training = |image: &usize| !test.contains(image);
             let forest = PoseForestTask {
@@ -106,7 +112,7 @@ impl CrossValidation {
                 training: training.clone(),
                 fold,
             };
-            let task = EstimatesTask::new(Arc::new(forest), test.clone(), sigma, trees)?;
+            let task = EstimatesTask::new(Arc::new(forest), test.clone(), sigma, trees, stride)?;
             Ok(Arc::new(task))
         };
         self.folds.iter().enumerate().map(fold).collect()

@@ -276,10 +276,12 @@ impl CrossValidationStudy {
         // By the pixels that show the arm: each image, and the mean of each fifth of the images. A
         // logarithmic axis has no place for none.
         let seen = |r: &Tested| (r.outcome.visible.max(1) as f64, r.error.all_deg);
-        let scatter = drawn().filter(|(_, m)| m.id != "constant-pose").map(|(at, method)| {
-            let points = method.results.iter().map(seen);
-            Mark::new("", colour(at), Shape::Scatter(points.collect()))
-        });
+        let scatter = drawn()
+            .filter(|(_, m)| m.id != "constant-pose")
+            .map(|(at, method)| {
+                let points = method.results.iter().map(seen);
+                Mark::new("", colour(at), Shape::Scatter(points.collect()))
+            });
         let fifths = drawn().map(|(at, method)| {
             let mut points: Vec<(f64, f64)> = method.results.iter().map(seen).collect();
             points.sort_by(|a, b| a.0.total_cmp(&b.0));

@@ -257,7 +257,10 @@ impl Sets {
     fn figure(&self, sets: &[DataSet]) -> Result<Figure> {
         let rig = Rig::read(&self.tasks[0].spec.robot_path())?;
         let limits: Vec<(f64, f64)> = rig.robot.dof_joints().map(|joint| joint.limits).collect();
-        let arm = rig.arms.iter().find(|arm| arm.name == sets[0].record().specification.target);
+        let arm = rig
+            .arms
+            .iter()
+            .find(|arm| arm.name == sets[0].record().specification.target);
         let joints = arm.map_or(&[][..], |arm| &arm.joints);
         let limits: Vec<(f64, f64)> = joints.iter().map(|&dof| limits[dof]).collect();
 
@@ -279,7 +282,9 @@ impl Sets {
         let set = &sets[0];
         let mut panels = Vec::new();
         for (at, joint) in set.target_joints().iter().enumerate() {
-            let values: Vec<f64> = (0..set.len()).map(|i| set.pose(i)[at].to_degrees()).collect();
+            let values: Vec<f64> = (0..set.len())
+                .map(|i| set.pose(i)[at].to_degrees())
+                .collect();
             let (low, high) = limits[at];
             let edges = spread(low.to_degrees(), high.to_degrees());
             let uniform = 100.0 / (edges.len() - 1) as f64;

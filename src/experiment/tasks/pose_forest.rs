@@ -116,7 +116,9 @@ impl Task for PoseForestTask {
 
     fn label(&self) -> String {
         let forest = &self.training.forest;
-        let depth = forest.max_depth.map_or(String::new(), |most| format!(", depth {most}"));
+        let depth = forest
+            .max_depth
+            .map_or(String::new(), |most| format!(", depth {most}"));
         format!(
             "forest on {} (leaves {}, features {}{depth}), fold {} of {}",
             self.objective.title(),
@@ -149,7 +151,7 @@ impl Task for PoseForestTask {
         let visits = samples * levels * forest.features_per_node as f64 * forest.trees as f64;
         let bytes = samples * self.training.features.count as f64 * 3.0;
         Cost {
-            seconds: 2.5e-9 * visits + 4e-9 * bytes,
+            seconds: 1.0e-9 * visits + 4e-9 * bytes,
             megabytes: 100.0 + bytes / 1e6,
         }
     }
