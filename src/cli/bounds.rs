@@ -9,9 +9,12 @@ use armpose::experiment::{kinds, study_file};
 use std::collections::BTreeMap;
 use std::process::ExitCode;
 
-/// Run all studies with several seeds and write tests/bounds/<PROFILE>.toml: for each number, the mean
-/// and a margin of four standard deviations
+/// Write the bounds that `check` holds, from runs with several seeds
+///
+/// Runs all studies with each seed and writes tests/bounds/<PROFILE>.toml: for each number, the mean
+/// and a margin of four standard deviations.
 #[derive(clap::Args)]
+#[command(verbatim_doc_comment)]
 pub struct Arguments {
     /// Which sizes
     #[arg(long, value_enum, default_value = "smoke")]

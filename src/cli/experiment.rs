@@ -2,7 +2,7 @@
 
 use super::{cache, command_line, repository, request, say, use_threads};
 use anyhow::{Result, bail};
-use armpose::experiment::claims::ClaimResult;
+use armpose::experiment::claims::{ClaimResult, Verdict};
 use armpose::experiment::kinds;
 use armpose::experiment::runner::Run;
 use armpose::experiment::study::{Profile, Report};
@@ -11,13 +11,13 @@ use armpose::experiment::table::Table;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
-/// Run studies of the paper: `experiment fig9`, `experiment all`; or `experiment list`,
-/// `experiment show fig9`
+/// Run, list or show the studies of the paper
 ///
 /// Work that was done before is taken from data/cache. A run that was stopped goes on where it was.
 /// For each study, results/<PROFILE>/<STUDY>/ holds data, tables, figures, the verdicts on the
 /// paper's claims, and a manifest of how they came about.
 #[derive(clap::Args)]
+#[command(verbatim_doc_comment)]
 #[command(override_usage = "armpose experiment [OPTIONS] <STUDY>...\n       \
     armpose experiment [OPTIONS] all\n       \
     armpose experiment list\n       \
@@ -41,8 +41,7 @@ pub struct Arguments {
     /// Master seed of all random choices
     #[arg(long, default_value_t = 1)]
     seed: u64,
-    /// Where the results go [default: results/<PROFILE>, or results/custom when --set or --seed
-    /// make them another experiment]
+    /// Where the results go [default: results/<PROFILE>, or results/custom with --set or --seed]
     #[arg(long, value_name = "FOLDER")]
     out: Option<PathBuf>,
 }
@@ -110,24 +109,23 @@ fn describe(request: &Request, study: &LoadedStudy, report: &Report, folder: &Pa
     let mut text = format!("\n{}, profile {profile}: {}\n", study.id, study.title);
     text.push_str(&format!("\n{}\n", report.text.trim_end()));
     text.push_str(&format!("\n{}\n", study.analysis.trim()));
-    for (name, _) in &report.figures {
-        text.push_str(&format!(
-            "figure: {}\n",
-            folder.join(format!("{name}.png")).display()
-        ));
-    }
     for claim in &report.claims {
         text.push_str(&format!(
-            "claim {}: {} (paper: {}; ours: {}; n = {})\n",
-            claim.id, claim.verdict, claim.paper, claim.ours, claim.n
+            "\nclaim {} ({}, n = {}): {}\n  paper: {}\n  ours: {}\n",
+            claim.id, claim.place, claim.n, claim.verdict, claim.paper, claim.ours
         ));
+    }
+    text.push_str(&format!("\nresults: {}\n", folder.display()));
+    for (name, _) in &report.figures {
+        let figure = folder.join(format!("{name}.png"));
+        text.push_str(&format!("figure: {}\n", figure.display()));
     }
     text
 }
 
 fn show(study: &LoadedStudy) -> Result<String> {
     Ok(format!(
-        "{}: {}\npaper: section {}, {}\nkind: {}\nfile: {}\n\n{}\n\n{}\n\n{}\n",
+        "{}: {}\npaper: section {}\nexhibit: {}\nkind: {}\nfile: {}\n\n{}\n\n{}\n\n{}\n",
         study.id,
         study.title,
         study.paper.section,
@@ -143,7 +141,7 @@ fn show(study: &LoadedStudy) -> Result<String> {
 fn list(request: &Request) -> Result<()> {
     let ids = study_file::ids(&request.root)?;
     let ids: Vec<&str> = ids.iter().map(String::as_str).collect();
-    let mut table = Table::new(["study", "paper", "title", "claims at the paper's scale"]);
+    let mut table = Table::new(["study", "paper", "title", "reproduced"]);
     for study in read(request, &ids)? {
         table.push([
             study.id.as_str().into(),
@@ -155,28 +153,19 @@ fn list(request: &Request) -> Result<()> {
     say(&table.to_text())
 }
 
-/// A count of each verdict, as "3 reproduced, 1 not".
+/// How many of the paper's claims were reproduced at the paper's scale, as "2 of 3".
 fn verdicts(id: &str) -> Result<String> {
     let path = repository()?
         .join("results/paper")
         .join(id)
         .join("claims.json");
     let Ok(text) = std::fs::read_to_string(&path) else {
-        return Ok("not run yet".to_owned());
+        return Ok("not run".to_owned());
     };
     let Ok(claims) = serde_json::from_str::<Vec<ClaimResult>>(&text) else {
-        return Ok(format!("{} is broken", path.display()));
+        return Ok("unreadable".to_owned());
     };
-    let mut counts: Vec<(String, usize)> = Vec::new();
-    for claim in claims {
-        let verdict = claim.verdict.to_string();
-        match counts.iter_mut().find(|(known, _)| *known == verdict) {
-            Some((_, count)) => *count += 1,
-            None => counts.push((verdict, 1)),
-        }
-    }
-    let counts = counts
-        .iter()
-        .map(|(verdict, count)| format!("{count} {verdict}"));
-    Ok(counts.collect::<Vec<_>>().join(", "))
+    let is_reproduced = |claim: &&ClaimResult| claim.verdict == Verdict::Reproduced;
+    let reproduced = claims.iter().filter(is_reproduced).count();
+    Ok(format!("{reproduced} of {}", claims.len()))
 }

@@ -14,8 +14,7 @@ use std::io::{ErrorKind, Write};
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
-/// Estimates the joint angles of a robot arm from a depth image, and reproduces the studies of
-/// Widmaier et al., ICRA 2016.
+/// The pose of a robot arm from one depth image: the studies of Widmaier et al., ICRA 2016
 #[derive(Parser)]
 #[command(version)]
 struct Arguments {

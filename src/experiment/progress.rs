@@ -34,7 +34,8 @@ struct Current {
 impl Display {
     /// `total` is the sum of the estimated seconds of all tasks to come.
     pub fn new(total: f64) -> Display {
-        let style = ProgressStyle::with_template("{bar:30} {msg}");
+        // A message wider than the terminal is cut: a bar of two lines flickers.
+        let style = ProgressStyle::with_template("{bar:20} {wide_msg}");
         let bar = std::io::stderr().is_terminal().then(|| {
             ProgressBar::new(1000)
                 .with_style(style.unwrap_or_else(|_| ProgressStyle::default_bar()))

@@ -3,6 +3,7 @@
 
 use super::statistics::mean;
 use super::study::Done;
+use super::task::Task;
 use super::tasks::data_set::DataSetTask;
 use super::tasks::estimates::EstimatesTask;
 use super::tasks::pose_forest::{ObjectiveName, PoseForestTask, Training};
@@ -116,6 +117,16 @@ impl CrossValidation {
             Ok(Arc::new(task))
         };
         self.folds.iter().enumerate().map(fold).collect()
+    }
+
+    /// All tasks whose results [`CrossValidation::outcomes`] reads: the set and the estimates.
+    pub fn tasks<'a>(
+        &self,
+        estimates: impl IntoIterator<Item = &'a Arc<EstimatesTask>>,
+    ) -> Vec<Arc<dyn Task>> {
+        let mut tasks: Vec<Arc<dyn Task>> = vec![self.set.clone()];
+        tasks.extend(estimates.into_iter().map(|e| e.clone() as Arc<dyn Task>));
+        tasks
     }
 
     /// The results of [`CrossValidation::estimates`] in the order of the images.

@@ -149,8 +149,8 @@ fn measures<'a>(joints: &[&str]) -> Vec<Measure<'a>> {
 
 impl Study for CrossValidationStudy {
     fn tasks(&self) -> Result<Vec<Arc<dyn Task>>> {
-        let all = self.tasks.iter().flat_map(|(_, tasks)| tasks);
-        Ok(all.map(|task| task.clone() as Arc<dyn Task>).collect())
+        let estimates = self.tasks.iter().flat_map(|(_, tasks)| tasks);
+        Ok(self.validation.tasks(estimates))
     }
 
     fn report(&self, done: Done<'_>) -> Result<Report> {

@@ -93,8 +93,8 @@ impl Sweep {
 
 impl Study for ThresholdSweep {
     fn tasks(&self) -> Result<Vec<Arc<dyn Task>>> {
-        let all = self.tasks.iter().flat_map(|(_, tasks)| tasks);
-        Ok(all.map(|task| task.clone() as Arc<dyn Task>).collect())
+        let estimates = self.tasks.iter().flat_map(|(_, tasks)| tasks);
+        Ok(self.validation.tasks(estimates))
     }
 
     fn report(&self, done: Done<'_>) -> Result<Report> {

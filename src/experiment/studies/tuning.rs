@@ -172,8 +172,8 @@ fn choose<'a>(grid: &[&'a Tried<'a>]) -> Option<(&'a Tried<'a>, &'a Tried<'a>)> 
 
 impl Study for Tuning {
     fn tasks(&self) -> Result<Vec<Arc<dyn Task>>> {
-        let all = self.settings.iter().flat_map(|setting| &setting.tasks);
-        Ok(all.map(|task| task.clone() as Arc<dyn Task>).collect())
+        let estimates = self.settings.iter().flat_map(|setting| &setting.tasks);
+        Ok(self.validation.tasks(estimates))
     }
 
     fn report(&self, done: Done<'_>) -> Result<Report> {

@@ -1,0 +1,319 @@
+//! The program on a copy of this repository's text: what a mistake in each kind of file looks like,
+//! and that runs leave the same bits behind however they went.
+
+use std::fs;
+use std::os::unix::process::ExitStatusExt;
+use std::path::{Path, PathBuf};
+use std::process::{Command, Stdio};
+use std::time::{Duration, Instant};
+
+/// Studies, sets, cameras and robots, with a smoke profile of a few images in three folds.
+struct Repository(tempfile::TempDir);
+
+impl Repository {
+    fn new() -> Repository {
+        let repository = Repository(tempfile::tempdir().unwrap());
+        let here = Path::new(env!("CARGO_MANIFEST_DIR"));
+        for name in [
+            "Cargo.toml",
+            "experiments",
+            "data/sets",
+            "data/cameras",
+            "data/robots",
+        ] {
+            copy(&here.join(name), &repository.path(name));
+        }
+        repository.edit(
+            "experiments/fig9.toml",
+            "[smoke]\nprotocol.images = 20",
+            "[smoke]\nprotocol.images = 9\nprotocol.folds = 3",
+        );
+        repository
+    }
+
+    fn path(&self, relative: &str) -> PathBuf {
+        self.0.path().join(relative)
+    }
+
+    /// Replaces the first `old` in a file, which must be there.
+    fn edit(&self, file: &str, old: &str, new: &str) {
+        let text = fs::read_to_string(self.path(file)).unwrap();
+        assert!(text.contains(old), "{file} has no {old:?}");
+        fs::write(self.path(file), text.replacen(old, new, 1)).unwrap();
+    }
+
+    fn command(&self, arguments: &[&str]) -> Command {
+        let mut command = Command::new(env!("CARGO_BIN_EXE_armpose"));
+        command.args(arguments).current_dir(self.0.path());
+        command
+    }
+
+    /// `experiment fig7 --profile smoke` and `more`, which must succeed; what it said on stderr.
+    fn run(&self, more: &[&str]) -> String {
+        let arguments = [&FIG7[..], more].concat();
+        let output = self.command(&arguments).output().unwrap();
+        let stderr = text(&output.stderr);
+        assert_eq!(output.status.code(), Some(0), "{stderr}");
+        stderr
+    }
+
+    /// What must not differ between runs.
+    fn results(&self) -> Vec<Vec<u8>> {
+        let folder = self.path("results/smoke");
+        assert_eq!(names(&folder), ["fig7"], "something half-written is left");
+        ["data.csv", "summary.csv", "claims.json", "fig7.svg"]
+            .map(|name| fs::read(folder.join("fig7").join(name)).unwrap())
+            .to_vec()
+    }
+
+    /// Exit code 2, nothing on stdout, no results, and one message; returns it without the name of the
+    /// temporary folder.
+    fn mistake(&self, arguments: &[&str]) -> String {
+        let output = self.command(arguments).output().unwrap();
+        let stderr = text(&output.stderr);
+        assert_eq!(output.status.code(), Some(2), "{stderr}");
+        assert_eq!(text(&output.stdout), "");
+        assert!(!stderr.contains("panicked"), "{stderr}");
+        let results = self.path("results/smoke");
+        assert!(!results.is_dir() || names(&results).is_empty());
+        let message = stderr.strip_prefix("armpose: ").unwrap_or(&stderr);
+        message.replace(&format!("{}/", self.0.path().display()), "")
+    }
+
+    /// The folders of finished results of a stage in the cache.
+    fn cached(&self, stage: &str) -> Vec<PathBuf> {
+        let stage = self.path("data/cache").join(stage);
+        let is_finished = |name: &String| !name.starts_with('.');
+        let finished = names(&stage).into_iter().filter(is_finished);
+        finished.map(|name| stage.join(name)).collect()
+    }
+}
+
+const FIG7: [&str; 4] = ["experiment", "fig7", "--profile", "smoke"];
+
+fn text(bytes: &[u8]) -> String {
+    String::from_utf8_lossy(bytes).into_owned()
+}
+
+/// Of what is in a folder, in alphabetical order; nothing when there is no folder.
+fn names(folder: &Path) -> Vec<String> {
+    let entries = folder.read_dir().into_iter().flatten().flatten();
+    let mut names: Vec<String> = entries
+        .map(|entry| entry.file_name().to_string_lossy().into_owned())
+        .collect();
+    names.sort();
+    names
+}
+
+fn copy(from: &Path, to: &Path) {
+    if from.is_dir() {
+        fs::create_dir_all(to).unwrap();
+        for name in names(from) {
+            copy(&from.join(&name), &to.join(&name));
+        }
+    } else {
+        fs::copy(from, to).unwrap();
+    }
+}
+
+#[test]
+fn a_misspelt_key_is_shown_where_it_is() {
+    let repository = Repository::new();
+    let file = "experiments/fig9.toml";
+    repository.edit(file, "objectives = ", "objectvies = ");
+    let lines = fs::read_to_string(repository.path(file)).unwrap();
+    let number = 1 + lines
+        .lines()
+        .position(|l| l.starts_with("objectvies"))
+        .unwrap();
+    let margin = " ".repeat(number.to_string().len());
+    assert_eq!(
+        repository.mistake(&["experiment", "show", "fig9"]),
+        format!(
+            "{file}:{number}:1: unknown field `objectvies`, expected one of `objectives`, `t_r`, \
+             `protocol`; did you mean `objectives`?\n\
+             {margin} |\n{number} | objectvies = [\"mse\"]\n{margin} | ^^^^^^^^^^\n"
+        )
+    );
+
+    let repository = Repository::new();
+    repository.edit("data/sets/pef.toml", "\ntarget = ", "\ntraget = ");
+    let message = repository.mistake(&FIG7);
+    assert!(message.contains("data/sets/pef.toml:"), "{message}");
+    assert!(message.contains("did you mean `target`?\n"), "{message}");
+    assert!(message.ends_with(" | ^^^^^^\n"), "{message}");
+
+    let repository = Repository::new();
+    repository.edit("data/cameras/realistic.toml", "\nfx = ", "\nfxx = ");
+    let message = repository.mistake(&FIG7);
+    assert!(message.contains("cameras/realistic.toml:"), "{message}");
+    assert!(message.contains("unknown field `fxx`"), "{message}");
+    assert!(message.ends_with(" | ^^^\n"), "{message}");
+}
+
+#[test]
+fn a_setting_that_does_not_exist_or_makes_no_sense_is_refused() {
+    let repository = Repository::new();
+    for (setting, message) in [
+        (
+            "protocol.imagse=3",
+            "--set:1:10: no parameter `imagse` to override; did you mean `images`?",
+        ),
+        (
+            "protocol.images=many",
+            "--set:1:17: `images` is of type integer, not string",
+        ),
+        (
+            "protocol.images",
+            "--set protocol.images: expected key=value",
+        ),
+        (
+            "protocol.folds=1",
+            "experiments/fig9.toml: folds = 1: choose 2 to 9",
+        ),
+    ] {
+        let found =
+            repository.mistake(&["experiment", "fig9", "--profile", "smoke", "--set", setting]);
+        assert!(found.starts_with(message), "{found}");
+    }
+}
+
+#[test]
+fn a_plan_runs_nothing_and_writes_nothing() {
+    let repository = Repository::new();
+    let plan = [&FIG7[..], &["--plan"]].concat();
+    let output = repository.command(&plan).output().unwrap();
+    assert_eq!(output.status.code(), Some(0), "{}", text(&output.stderr));
+    let plan = text(&output.stdout);
+    let total = plan.lines().last().unwrap();
+    // The set, and for each fold a forest and its estimates.
+    assert!(total.starts_with("7 to run, 0 cached; about "), "{plan}");
+    assert_eq!(
+        names(repository.0.path()),
+        ["Cargo.toml", "data", "experiments"]
+    );
+    assert_eq!(
+        names(&repository.path("data")),
+        ["cameras", "robots", "sets"]
+    );
+}
+
+#[test]
+fn a_robot_that_cannot_be_used_is_told_what_is_wrong() {
+    let urdf = "data/robots/arm/arm.urdf";
+    let mesh = "data/robots/arm/meshes/wam3.stl";
+
+    let repository = Repository::new();
+    fs::remove_file(repository.path(mesh)).unwrap();
+    let message = repository.mistake(&FIG7);
+    assert!(message.contains("robots/arm/arm.urdf: link"), "{message}");
+    assert!(
+        message.contains("cannot use mesh \"meshes/wam3.stl\": there is no such file"),
+        "{message}"
+    );
+
+    // The base of the right arm hangs on the arm's own shoulder.
+    let repository = Repository::new();
+    let text = fs::read_to_string(repository.path(urdf)).unwrap();
+    let joint = text.find("<joint name=\"R_BASE_FIXED\"").unwrap();
+    let parent = joint + text[joint..].find("<parent link=\"").unwrap();
+    let end = parent + text[parent..].find("/>").unwrap();
+    let looped = format!(
+        "{}<parent link=\"R_SHOULDER\"{}",
+        &text[..parent],
+        &text[end..]
+    );
+    fs::write(repository.path(urdf), looped).unwrap();
+    let message = repository.mistake(&FIG7);
+    assert!(
+        message.contains("robots/arm/arm.urdf: the links form a loop through \"R_"),
+        "{message}"
+    );
+
+    // A mesh exported in millimetres.
+    let repository = Repository::new();
+    let mut stl = fs::read(repository.path(mesh)).unwrap();
+    for triangle in stl[84..].chunks_exact_mut(50) {
+        for number in triangle[12..48].chunks_exact_mut(4) {
+            let metres = f32::from_le_bytes(number.try_into().unwrap());
+            number.copy_from_slice(&(1000.0 * metres).to_le_bytes());
+        }
+    }
+    fs::write(repository.path(mesh), stl).unwrap();
+    let message = repository.mistake(&FIG7);
+    assert!(message.contains("looks like millimetres"), "{message}");
+    assert!(message.contains("scale=\"0.001 0.001 0.001\""), "{message}");
+}
+
+#[test]
+fn a_folder_that_cannot_be_written_is_found_before_any_work() {
+    let repository = Repository::new();
+    fs::write(repository.path("results"), "a file").unwrap();
+    let message = repository.mistake(&FIG7);
+    let start = "cannot write into the results folder results/smoke: ";
+    assert!(message.starts_with(start), "{message}");
+    let elsewhere = [&FIG7[..], &["--out", "Cargo.toml"]].concat();
+    let message = repository.mistake(&elsewhere);
+    let start = "cannot write into the results folder Cargo.toml: ";
+    assert!(message.starts_with(start), "{message}");
+    assert!(!repository.path("data/cache").exists());
+
+    let repository = Repository::new();
+    fs::write(repository.path("data/cache"), "a file").unwrap();
+    let message = repository.mistake(&FIG7);
+    assert!(
+        message.starts_with("cannot write data/cache: "),
+        "{message}"
+    );
+}
+
+#[test]
+fn threads_a_kill_and_damaged_images_leave_the_same_bits() {
+    let undisturbed = Repository::new();
+    undisturbed.run(&["--threads", "1"]);
+    let results = undisturbed.results();
+
+    let killed = Repository::new();
+    let mut child = killed
+        .command(&[&FIG7[..], &["--threads", "2"]].concat())
+        .stdout(Stdio::null())
+        .stderr(Stdio::null())
+        .spawn()
+        .unwrap();
+    let deadline = Instant::now() + Duration::from_secs(60);
+    while killed.cached("pose-forest").is_empty() && Instant::now() < deadline {
+        std::thread::sleep(Duration::from_millis(1));
+    }
+    child.kill().unwrap();
+    assert_eq!(child.wait().unwrap().signal(), Some(9), "it was too quick");
+    assert!(!killed.cached("pose-forest").is_empty());
+    assert!(names(&killed.path("results/smoke")).is_empty());
+    killed.run(&["--threads", "2"]);
+    assert_eq!(killed.results(), results);
+    assert_eq!(killed.cached("pose-forest").len(), 3);
+
+    // Other tools like to convert depth to 8 bits.
+    let image = killed.cached("data-set")[0].join("depth/000004.png");
+    let whole = fs::read(&image).unwrap();
+    let mut encoder = png::Encoder::new(fs::File::create(&image).unwrap(), 640, 480);
+    encoder.set_color(png::ColorType::Grayscale);
+    encoder.set_depth(png::BitDepth::Eight);
+    let mut writer = encoder.write_header().unwrap();
+    writer.write_image_data(&vec![200; 640 * 480]).unwrap();
+    writer.finish().unwrap();
+    let warning = format!("warning: {} has ", image.display());
+    let stderr = killed.run(&[]);
+    assert!(stderr.starts_with(&warning), "{stderr}");
+    assert_eq!(fs::read(&image).unwrap(), whole);
+    assert_eq!(killed.results(), results);
+
+    fs::write(&image, &whole[..whole.len() / 2]).unwrap();
+    let stderr = killed.run(&[]);
+    assert!(stderr.starts_with(&warning), "{stderr}");
+    assert_eq!(fs::read(&image).unwrap(), whole);
+    assert_eq!(killed.results(), results);
+
+    // Nothing is left to do, neither for this study nor for the one that shares its work.
+    assert_eq!(killed.run(&[]), "");
+    assert_eq!(killed.run(&["fig9"]), "");
+}
