@@ -16,12 +16,14 @@ const PROJECTOR_OVERSAMPLING: usize = 2;
 /// longer than its image by a block, since the last one of a span may reach past it.
 const LANES: usize = 4;
 
-/// A vertex as the camera sees it.
+/// A vertex as the camera and the projector see it.
 #[derive(Clone, Copy, Default)]
 struct ScreenVertex {
-    /// Pixel column and row.
+    /// The camera's pixel column and row.
     x: f64,
     y: f64,
+    /// Column of the projector's buffer; the row is the camera's. 0 without a projector.
+    projector_x: f64,
     /// 1/m; 0 marks a vertex in front of the near plane, which has no place on the screen.
     inverse_depth: f64,
 }
@@ -89,12 +91,9 @@ impl ProjectorView {
         }
     }
 
-    fn shifted(&self, v: ScreenVertex) -> ScreenVertex {
-        let x = v.x - self.focal_baseline * v.inverse_depth + self.margin;
-        ScreenVertex {
-            x: x * PROJECTOR_OVERSAMPLING as f64,
-            ..v
-        }
+    /// The column of its buffer for a place in the camera's image.
+    fn column(&self, x: f64, inverse_depth: f64) -> f64 {
+        (x - self.focal_baseline * inverse_depth + self.margin) * PROJECTOR_OVERSAMPLING as f64
     }
 
     /// The disparities of the camera's row `row`, whose inverse depths are given, in whole steps of
@@ -179,13 +178,13 @@ impl Rasteriser {
             vertices.extend(body.mesh.vertices.iter().map(|&vertex| {
                 let point = in_camera(vertex);
                 if point.z >= NEAR_PLANE {
-                    self.on_screen(point)
+                    self.on_screen(point, projector.as_deref())
                 } else {
                     ScreenVertex::default()
                 }
             }));
             for corners in &body.mesh.triangles {
-                let triangle = corners.map(|i| vertices[i as usize]);
+                let triangle = corners.map(|i| &vertices[i as usize]);
                 if triangle.iter().all(|v| v.inverse_depth > 0.0) {
                     self.fill(
                         triangle,
@@ -196,9 +195,9 @@ impl Rasteriser {
                 } else if triangle.iter().any(|v| v.inverse_depth > 0.0) {
                     let points = corners.map(|i| in_camera(body.mesh.vertices[i as usize]));
                     let (cut, count) = clip_near(points);
-                    let cut = cut.map(|p| self.on_screen(p));
+                    let cut = cut.map(|p| self.on_screen(p, projector.as_deref()));
                     for second in 1..count - 1 {
-                        let part = [cut[0], cut[second], cut[second + 1]];
+                        let part = [&cut[0], &cut[second], &cut[second + 1]];
                         self.fill(part, body.label.into(), camera, projector.as_deref_mut());
                     }
                 }
@@ -207,56 +206,59 @@ impl Rasteriser {
         }
     }
 
-    fn on_screen(&self, point: Vector3<f64>) -> ScreenVertex {
+    fn on_screen(&self, point: Vector3<f64>, projector: Option<&ProjectorView>) -> ScreenVertex {
         let camera = &self.intrinsics;
         let inverse_depth = 1.0 / point.z;
+        let x = camera.fx * point.x * inverse_depth + camera.cx;
         ScreenVertex {
-            x: camera.fx * point.x * inverse_depth + camera.cx,
+            x,
             y: camera.fy * point.y * inverse_depth + camera.cy,
+            projector_x: projector.map_or(0.0, |projector| projector.column(x, inverse_depth)),
             inverse_depth,
         }
     }
 
     fn fill(
         &self,
-        triangle: [ScreenVertex; 3],
+        corners: [&ScreenVertex; 3],
         label: u32,
         camera: &mut CameraView,
         projector: Option<&mut ProjectorView>,
     ) {
-        let (width, height) = (self.intrinsics.width, self.intrinsics.height);
-        for_each_span(width, height, triangle, |span, first, step| {
-            let mut run = Run::new(first, step, span.len());
-            let (depths, _) = camera.inverse_depth[whole_blocks(&span)].as_chunks_mut::<LANES>();
-            let (labels, _) = camera.labels[whole_blocks(&span)].as_chunks_mut::<LANES>();
+        let in_camera = |v: &ScreenVertex| v.x;
+        let in_projector = |v: &ScreenVertex| v.projector_x;
+        let (camera_area, projector_area) = (area(corners, in_camera), area(corners, in_projector));
+        if camera_area >= 0.0 && projector_area >= 0.0 {
+            return;
+        }
+        let triangle = Triangle::new(corners, self.intrinsics.height);
+        if triangle.rows.is_empty() {
+            return;
+        }
+        let width = self.intrinsics.width;
+        triangle.for_each_span(width, in_camera, camera_area, |start, mut run| {
+            let (depths, _) = camera.inverse_depth[start..].as_chunks_mut::<LANES>();
+            let (labels, _) = camera.labels[start..].as_chunks_mut::<LANES>();
             for (depths, labels) in depths.iter_mut().zip(labels) {
                 let new = run.next();
                 let nearer = compare(&new, depths);
-                for k in 0..LANES {
-                    depths[k] = if new[k] > depths[k] {
-                        new[k]
-                    } else {
-                        depths[k]
-                    };
-                }
+                keep_larger(depths, &new);
                 for k in 0..LANES {
                     labels[k] = (label & nearer[k]) | (labels[k] & !nearer[k]);
+                }
+                if run.is_over() {
+                    break;
                 }
             }
         });
         if let Some(projector) = projector {
-            let triangle = triangle.map(|v| projector.shifted(v));
-            for_each_span(projector.width, height, triangle, |span, first, step| {
-                let mut run = Run::new(first, step, span.len());
-                let blocks = &mut projector.inverse_depth[whole_blocks(&span)];
-                for depths in blocks.as_chunks_mut::<LANES>().0 {
-                    let new = run.next();
-                    for k in 0..LANES {
-                        depths[k] = if new[k] > depths[k] {
-                            new[k]
-                        } else {
-                            depths[k]
-                        };
+            let width = projector.width;
+            triangle.for_each_span(width, in_projector, projector_area, |start, mut run| {
+                let (depths, _) = projector.inverse_depth[start..].as_chunks_mut::<LANES>();
+                for depths in depths {
+                    keep_larger(depths, &run.next());
+                    if run.is_over() {
+                        break;
                     }
                 }
             });
@@ -265,8 +267,10 @@ impl Rasteriser {
 }
 
 #[inline(always)]
-fn whole_blocks(span: &Range<usize>) -> Range<usize> {
-    span.start..span.start + span.len().next_multiple_of(LANES)
+fn keep_larger(old: &mut [f32; LANES], new: &[f32; LANES]) {
+    for k in 0..LANES {
+        old[k] = if new[k] > old[k] { new[k] } else { old[k] };
+    }
 }
 
 /// All bits are set where `new` is larger than `old`.
@@ -291,11 +295,11 @@ struct Run {
 
 impl Run {
     #[inline(always)]
-    fn new(first: f32, step: f32, length: usize) -> Run {
+    fn new(first: f32, step: f32, length: i32) -> Run {
         Run {
             first,
             step,
-            length: length as i32 as f32,
+            length: length as f32,
             position: [0.0, 1.0, 2.0, 3.0],
         }
     }
@@ -313,6 +317,11 @@ impl Run {
         let block = self.position.map(at);
         self.position = self.position.map(|i| i + LANES as f32);
         block
+    }
+
+    #[inline(always)]
+    fn is_over(&self) -> bool {
+        self.position[0] >= self.length
     }
 }
 
@@ -347,74 +356,107 @@ fn clip_near(points: [Vector3<f64>; 3]) -> ([Vector3<f64>; 4], usize) {
     (cut, count)
 }
 
-/// Calls `span(indices, first, step)` for every row of a front-facing triangle on a screen of
-/// `width x height` pixels: the run of pixels whose centres it covers, the inverse depth of the
-/// first one and its growth per pixel. A centre on a left or top edge belongs to the triangle, one
-/// on a right or bottom edge to its neighbour.
+/// Twice the area on the screen, negative for a triangle seen from outside, since y points down.
 #[inline(always)]
-fn for_each_span(
-    width: usize,
-    height: usize,
-    [a, b, c]: [ScreenVertex; 3],
-    mut span: impl FnMut(Range<usize>, f32, f32),
-) {
-    // Twice the area, negative for a triangle seen from outside, since y points down.
-    let area = (b.x - a.x) * (c.y - a.y) - (c.x - a.x) * (b.y - a.y);
-    if area >= 0.0 {
-        return;
-    }
-    let by_row = |p: ScreenVertex, q: ScreenVertex| if q.y < p.y { (q, p) } else { (p, q) };
-    let (top, bottom) = by_row(a, b);
-    let (top, middle) = by_row(top, c);
-    let (middle, bottom) = by_row(middle, bottom);
-    let rows = first_centre(top.y, height)..first_centre(bottom.y, height);
-    let left_most = a.x.min(b.x).min(c.x);
-    let right_most = a.x.max(b.x).max(c.x);
-    if rows.is_empty() || right_most <= 0.0 || left_most >= width as f64 {
-        return;
-    }
-    let (ab, ac) = (
-        b.inverse_depth - a.inverse_depth,
-        c.inverse_depth - a.inverse_depth,
-    );
-    let along_x = (ab * (c.y - a.y) - ac * (b.y - a.y)) / area;
-    let along_y = (ac * (b.x - a.x) - ab * (c.x - a.x)) / area;
-    // Inverse depth at column 0 of the current row.
-    let mut at_column_0 =
-        a.inverse_depth - along_x * a.x + along_y * (rows.start as i32 as f64 - a.y);
+fn area([a, b, c]: [&ScreenVertex; 3], x: impl Fn(&ScreenVertex) -> f64) -> f64 {
+    (x(b) - x(a)) * (c.y - a.y) - (x(c) - x(a)) * (b.y - a.y)
+}
 
-    let middle_row = first_centre(middle.y, height);
-    let long = Edge::new(top, bottom, rows.start);
-    // The middle corner lies left of the long edge when the way over it turns like the triangle.
-    let middle_is_left =
-        (middle.x - top.x) * (bottom.y - top.y) < (bottom.x - top.x) * (middle.y - top.y);
-    let (mut left, mut right) = (long, long);
-    for (from, to, rows) in [
-        (top, middle, rows.start..middle_row),
-        (middle, bottom, middle_row..rows.end),
-    ] {
-        if rows.is_empty() {
-            continue;
+/// What the camera and the projector share of a triangle.
+struct Triangle<'a> {
+    corners: [&'a ScreenVertex; 3],
+    top: &'a ScreenVertex,
+    middle: &'a ScreenVertex,
+    bottom: &'a ScreenVertex,
+    /// Those whose centres it covers.
+    rows: Range<usize>,
+    /// The first row below the middle corner.
+    middle_row: usize,
+}
+
+impl<'a> Triangle<'a> {
+    #[inline(always)]
+    fn new(corners: [&'a ScreenVertex; 3], height: usize) -> Triangle<'a> {
+        let by_row = |p: &'a ScreenVertex, q: &'a ScreenVertex| {
+            if q.y < p.y { (q, p) } else { (p, q) }
+        };
+        let [a, b, c] = corners;
+        let (top, bottom) = by_row(a, b);
+        let (top, middle) = by_row(top, c);
+        let (middle, bottom) = by_row(middle, bottom);
+        Triangle {
+            corners,
+            top,
+            middle,
+            bottom,
+            rows: first_centre(top.y, height)..first_centre(bottom.y, height),
+            middle_row: first_centre(middle.y, height),
         }
-        let short = Edge::new(from, to, rows.start);
-        if middle_is_left {
-            left = short;
-        } else {
-            right = short;
+    }
+
+    /// Calls `span(index of its first pixel, run)` for every row of a triangle on a screen of
+    /// `width` columns, unless it is seen from behind. `x` is the column of a vertex there, `area`
+    /// the [`area`]. The run holds the pixels whose centres the triangle covers, and may be empty.
+    /// A centre on a left or top edge belongs to the triangle, one on a right or bottom edge to its
+    /// neighbour.
+    #[inline(always)]
+    fn for_each_span(
+        &self,
+        width: usize,
+        x: impl Fn(&ScreenVertex) -> f64,
+        area: f64,
+        mut span: impl FnMut(usize, Run),
+    ) {
+        let &Triangle {
+            corners: [a, b, c],
+            top,
+            middle,
+            bottom,
+            ref rows,
+            middle_row,
+        } = self;
+        let left_most = x(a).min(x(b)).min(x(c));
+        let right_most = x(a).max(x(b)).max(x(c));
+        if area >= 0.0 || right_most <= 0.0 || left_most >= width as f64 {
+            return;
         }
-        for row in rows {
-            let (start, end) = (left.first_centre(width), right.first_centre(width));
-            if start < end {
-                let first = at_column_0 + along_x * f64::from(start as i32);
-                span(
-                    row * width + start..row * width + end,
-                    first as f32,
-                    along_x as f32,
-                );
+        let (ab, ac) = (
+            b.inverse_depth - a.inverse_depth,
+            c.inverse_depth - a.inverse_depth,
+        );
+        let along_x = (ab * (c.y - a.y) - ac * (b.y - a.y)) / area;
+        let along_y = (ac * (x(b) - x(a)) - ab * (x(c) - x(a))) / area;
+        // Inverse depth at column 0 of the current row.
+        let mut at_column_0 =
+            a.inverse_depth - along_x * x(a) + along_y * (rows.start as i32 as f64 - a.y);
+
+        let long = Edge::new((x(top), top.y), (x(bottom), bottom.y), rows.start);
+        // The middle corner lies left of the long edge when the way over it turns like the triangle.
+        let middle_is_left =
+            (x(middle) - x(top)) * (bottom.y - top.y) < (x(bottom) - x(top)) * (middle.y - top.y);
+        let (mut left, mut right) = (long, long);
+        for (from, to, rows) in [
+            (top, middle, rows.start..middle_row),
+            (middle, bottom, middle_row..rows.end),
+        ] {
+            if rows.is_empty() {
+                continue;
             }
-            at_column_0 += along_y;
-            left.x = left.x.wrapping_add(left.step);
-            right.x = right.x.wrapping_add(right.step);
+            let short = Edge::new((x(from), from.y), (x(to), to.y), rows.start);
+            if middle_is_left {
+                left = short;
+            } else {
+                right = short;
+            }
+            for row in rows {
+                let (start, end) = (left.first_centre(width), right.first_centre(width));
+                let first = at_column_0 + along_x * f64::from(start as i32);
+                let run = Run::new(first as f32, along_x as f32, end as i32 - start as i32);
+                span(row * width + start, run);
+                at_column_0 += along_y;
+                left.x = left.x.wrapping_add(left.step);
+                right.x = right.x.wrapping_add(right.step);
+            }
         }
     }
 }
@@ -431,9 +473,9 @@ const FRACTION_BITS: u32 = 28;
 impl Edge {
     /// From its upper end and its lower one, at the given row.
     #[inline(always)]
-    fn new(top: ScreenVertex, bottom: ScreenVertex, row: usize) -> Edge {
-        let slope = (bottom.x - top.x) / (bottom.y - top.y);
-        let x = top.x + (row as i32 as f64 - top.y) * slope;
+    fn new(top: (f64, f64), bottom: (f64, f64), row: usize) -> Edge {
+        let slope = (bottom.0 - top.0) / (bottom.1 - top.1);
+        let x = top.0 + (row as i32 as f64 - top.1) * slope;
         let one = f64::from(1 << FRACTION_BITS);
         Edge {
             x: (x * one) as i64,
