@@ -1,4 +1,4 @@
-//! A room with boxes, balls and thin slanted rods, for the tests and the bench of the camera.
+//! A room with boxes, balls and thin slanted rods, for the tests of the camera.
 
 use armpose::camera::Body;
 use armpose::random::{stream, uniform};
