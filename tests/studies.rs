@@ -1,0 +1,74 @@
+//! What the study files and the committed results say of each other.
+
+use std::path::{Path, PathBuf};
+
+fn root() -> PathBuf {
+    PathBuf::from(env!("CARGO_MANIFEST_DIR"))
+}
+
+fn study(id: &str) -> toml::Table {
+    let text = std::fs::read_to_string(root().join(format!("experiments/{id}.toml"))).unwrap();
+    text.parse().unwrap()
+}
+
+/// The forests of the studies have the leaf size and the features per node that the one-standard-
+/// error rule chose in the committed tuning.
+#[test]
+fn studies_use_what_tuning_chose() {
+    let summary = root().join("results/paper/tuning/summary.csv");
+    let mut reader = csv::Reader::from_path(summary).unwrap();
+    let columns = reader.headers().unwrap().clone();
+    let column = |name: &str| columns.iter().position(|c| c == name).unwrap();
+    let rows: Vec<csv::StringRecord> = reader.records().map(Result::unwrap).collect();
+    let chosen: Vec<_> = rows
+        .iter()
+        .filter(|r| &r[column("role")] == "chosen")
+        .collect();
+    assert_eq!(chosen.len(), 1);
+    for id in ["fig9", "tuning", "uniform"] {
+        let study = study(id);
+        let forest = &study["parameters"]["protocol"]["training"]["forest"];
+        for name in ["min_leaf", "features_per_node", "trees"] {
+            assert_eq!(
+                forest[name].to_string(),
+                chosen[0][column(name)],
+                "{id}: {name}"
+            );
+        }
+    }
+}
+
+/// Every study has committed results at the paper's scale, with a verdict on each of its claims.
+#[test]
+fn every_study_has_its_results_and_verdicts() {
+    for entry in std::fs::read_dir(root().join("experiments")).unwrap() {
+        let file = entry.unwrap().path();
+        let id = file.file_stem().unwrap().to_str().unwrap().to_owned();
+        let results = root().join("results/paper").join(&id);
+        let files = ["data.csv", "summary.csv", "claims.json", "manifest.json"];
+        let figures = [format!("{id}.svg"), format!("{id}.png")];
+        for name in files.map(str::to_owned).iter().chain(&figures) {
+            assert!(results.join(name).is_file(), "{id} has no {name}");
+        }
+        let verdicts: Vec<serde_json::Value> =
+            serde_json::from_str(&std::fs::read_to_string(results.join("claims.json")).unwrap())
+                .unwrap();
+        let told: Vec<&str> = verdicts.iter().map(|v| v["id"].as_str().unwrap()).collect();
+        let study = study(&id);
+        let claims = study["claim"].as_array().unwrap();
+        let asked: Vec<&str> = claims.iter().map(|c| c["id"].as_str().unwrap()).collect();
+        assert_eq!(told, asked, "{id}");
+    }
+}
+
+#[test]
+fn tracked_results_are_small() {
+    fn bytes(path: &Path) -> u64 {
+        let Ok(entries) = std::fs::read_dir(path) else {
+            return path.metadata().unwrap().len();
+        };
+        entries.map(|e| bytes(&e.unwrap().path())).sum()
+    }
+    let size = bytes(&root().join("results/paper"));
+    assert!(size < 20_000_000, "{size} bytes");
+}
