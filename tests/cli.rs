@@ -78,6 +78,8 @@ fn mistakes_on_the_command_line_have_exit_code_2() {
         &["experiment"][..],
         &["experiment", "show"],
         &["experiment", "list", "--profile", "huge"],
+        &["experiment", "list", "fig9"],
+        &["experiment", "all", "fig9"],
         &["experiment", "list", "--threads", "0"],
         &["experimnet"],
         &["check", "--profile", "smoke"],

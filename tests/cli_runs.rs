@@ -169,7 +169,7 @@ fn a_setting_that_does_not_exist_or_makes_no_sense_is_refused() {
         ),
         (
             "protocol.folds=1",
-            "experiments/fig9.toml: folds = 1: choose 2 to 9",
+            "experiments/fig9.toml: folds = 1, images = 9: choose 2 folds up to one for each image",
         ),
     ] {
         let found =

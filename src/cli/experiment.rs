@@ -32,11 +32,11 @@ pub struct Arguments {
     /// Print what would run, what is cached and why not, and run nothing
     #[arg(long)]
     plan: bool,
-    /// Change a parameter of the study, such as `forest.trees=3`; may be repeated
+    /// Change a parameter of the study, such as `protocol.images=100`; may be repeated
     #[arg(long, value_name = "KEY=VALUE")]
     set: Vec<String>,
     /// Threads to use; the results do not depend on it [default: one for each core]
-    #[arg(long, value_parser = clap::value_parser!(u16).range(1..))]
+    #[arg(long, value_parser = clap::value_parser!(u16).range(1..=1024))]
     threads: Option<u16>,
     /// Master seed of all random choices
     #[arg(long, default_value_t = 1)]
@@ -54,6 +54,7 @@ pub fn run(arguments: &Arguments) -> Result<ExitCode> {
     let words: Vec<&str> = arguments.words.iter().map(String::as_str).collect();
     match words[..] {
         ["list"] => list(&request)?,
+        ["list" | "all", _, ..] => bail!("`{}` stands alone, without names of studies", words[0]),
         ["show"] => bail!("which study? `armpose experiment list` shows all"),
         ["show", ref ids @ ..] => {
             for study in read(&request, ids)? {

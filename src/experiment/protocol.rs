@@ -63,7 +63,7 @@ impl CrossValidation {
             ..
         } = protocol;
         if !(2..=images).contains(&k) {
-            bail!("folds = {k}: choose 2 to {images}, the number of images");
+            bail!("folds = {k}, images = {images}: choose 2 folds up to one for each image");
         }
         if !(sigma > 0.0 && sigma.is_finite()) {
             bail!("sigma = {sigma}: choose a positive number");

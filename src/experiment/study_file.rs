@@ -206,7 +206,7 @@ fn typed<P: DeserializeOwned>(table: &toml::Table, name: &str) -> Result<P> {
 /// Applies `key=value`. A value that is not TOML is taken as a string: `--set objective=mse`.
 fn set(parameters: &mut toml::Table, setting: &str) -> Result<()> {
     let Some((key, value)) = setting.split_once('=') else {
-        bail!("--set {setting}: expected key=value, such as forest.trees=3");
+        bail!("--set {setting}: expected key=value, such as protocol.images=100");
     };
     let quoted = format!("{key}={}", toml::Value::from(value.trim()));
     let text = match setting.parse::<toml::Table>() {
