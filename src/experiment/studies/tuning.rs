@@ -361,6 +361,9 @@ fn judge(claim: &Claim<Test>, tried: &[Tried]) -> ClaimResult {
         .iter()
         .filter(|t| t.setting.sweep == Sweep::Sigma)
         .collect();
+    if sigmas.is_empty() {
+        return claim.not_checkable("no value of sigma was tried");
+    }
     let errors: Vec<f64> = sigmas.iter().map(|t| t.error()).collect();
     let (low, high) = errors
         .iter()
