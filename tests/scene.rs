@@ -142,8 +142,11 @@ fn mistakes_in_a_robot_file_are_named() {
     ));
 }
 
+/// A configuration and the links that touch in it.
+type Collision = (Vec<f64>, (usize, usize));
+
 /// Draws poses until `count` are free of collision; returns those and the ones that are not.
-fn free_and_colliding(rig: &Rig, count: usize) -> (Vec<Vec<f64>>, Vec<(Vec<f64>, (usize, usize))>) {
+fn free_and_colliding(rig: &Rig, count: usize) -> (Vec<Vec<f64>>, Vec<Collision>) {
     let sampler = PoseSampler::new(rig, &poses(&[], &[])).unwrap();
     let sample = |s: &mut Stream| sampler.sample(&rig.robot, s);
     let collision = SelfCollision::new(&rig.robot, sample);
