@@ -12,6 +12,7 @@
 
 pub mod camera;
 pub mod dataset;
+pub mod distances;
 pub mod estimator;
 pub mod experiment;
 pub mod feature;

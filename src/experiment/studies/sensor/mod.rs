@@ -28,6 +28,8 @@ pub struct Parameters {
     slants_deg: Vec<f64>,
     /// Distances of a plate and of the wall behind it.
     plates_m: Vec<(f64, f64)>,
+    /// The most real frames to set beside the simulated ones, where the shared data has any.
+    real_frames: usize,
 }
 
 /// What a claim's test demands. Each says how far the worst condition may be off; up to twice that
@@ -87,11 +89,13 @@ pub fn define(specification: Specification<Parameters, Test>) -> Result<Box<dyn 
     {
         bail!("`slants_deg` must lie between 0 and 89");
     }
+    let mut real_frames = real_frames(&specification.root)?;
+    real_frames.truncate(parameters.real_frames);
     let task = Measurements {
         root: specification.root.clone(),
         seed: specification.seed,
         parameters: parameters.clone(),
-        real_frames: real_frames(&specification.root)?,
+        real_frames,
     };
     Ok(Box::new(SensorStudy {
         specification,
