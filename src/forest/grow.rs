@@ -124,6 +124,16 @@ pub fn grow<P: Default + Send>(
             expected: data.samples(),
         });
     }
+    if let Some(&target) = targets
+        .iter()
+        .find(|&&t| usize::from(t) >= objective.targets())
+    {
+        return Err(ForestError::Size {
+            what: "targets of the objective",
+            got: objective.targets(),
+            expected: usize::from(target) + 1,
+        });
+    }
     for (what, number) in [
         ("the number of trees", spec.trees),
         ("the number of features a node", spec.features_per_node),

@@ -9,11 +9,17 @@
 
 pub mod histogram;
 pub mod mse;
+pub mod mspd;
+pub mod mspd_published;
+mod pairs;
 
 use super::grow::Member;
 
 /// An impurity H and the splits that make it small.
 pub trait Objective: Sync {
+    /// How many targets it knows: those of samples are below.
+    fn targets(&self) -> usize;
+
     /// What one tree's grower keeps for this objective. No member's weight is above `max_weight`.
     fn scan(&self, max_weight: u16) -> Box<dyn NodeScan + '_>;
 

@@ -61,6 +61,10 @@ impl<'a, const L: usize> Mse<'a, L> {
 }
 
 impl<const L: usize> Objective for Mse<'_, L> {
+    fn targets(&self) -> usize {
+        self.rows.len()
+    }
+
     fn scan(&self, max_weight: u16) -> Box<dyn NodeScan + '_> {
         Box::new(Scan {
             rows: &self.rows,
