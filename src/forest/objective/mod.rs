@@ -8,6 +8,7 @@
 //! [`NodeScan::enter`].
 
 pub mod histogram;
+pub mod mpmse;
 pub mod mse;
 pub mod mspd;
 pub mod mspd_published;
