@@ -3,6 +3,8 @@
 
 pub mod classical_scaling;
 pub mod co_ranking;
+pub mod disp;
+pub mod hull;
 pub mod kernel_pca;
 pub mod tsne;
 
