@@ -67,12 +67,12 @@ fn disp(criterion: &mut Criterion) {
         b.iter(|| {
             let placed: Vec<_> = poses[..200].iter().map(place).collect();
             DistanceMatrix::new(200, |a, b| {
-                let square = |(p, q): (&[f64; 3], &[f64; 3])| {
-                    let [x, y, z] = [0, 1, 2].map(|axis| p[axis] - q[axis]);
-                    x * x + y * y + z * z
-                };
-                let squares = placed[a].iter().zip(&placed[b]).map(square);
-                squares.fold(0.0, f64::max).sqrt()
+                let mut most = 0.0;
+                for (p, q) in placed[a].iter().zip(&placed[b]) {
+                    let (x, y, z) = (p[0] - q[0], p[1] - q[1], p[2] - q[2]);
+                    most = f64::max(most, x * x + y * y + z * z);
+                }
+                most.sqrt()
             })
         })
     });

@@ -187,18 +187,22 @@ impl<'a> Disp<'a> {
         let mut best = 0.0;
         let placed = a.chunks(ABREAST).zip(b.chunks(ABREAST));
         for (bodies, (a, b)) in self.bodies.chunks(ABREAST).zip(placed) {
-            let motion = |body: usize| Motion::between(&a[body], &b[body]);
             let mut bounds = [0.0; ABREAST];
-            for (body, bound) in bounds[..bodies.len()].iter_mut().enumerate() {
-                *bound = motion(body).bound(&bodies[body].balls[0]);
+            let bounds = &mut bounds[..bodies.len()];
+            for (body, bound) in bounds.iter_mut().enumerate() {
+                *bound = Motion::between(&a[body], &b[body]).bound(&bodies[body].balls[0]);
             }
             loop {
-                let widest = |x: (usize, f64), y: (usize, f64)| if y.1 > x.1 { y } else { x };
-                let (body, bound) = bounds.into_iter().enumerate().fold((0, 0.0), widest);
+                let (mut body, mut bound) = (0, 0.0);
+                for (other, &wider) in bounds.iter().enumerate() {
+                    if wider > bound {
+                        (body, bound) = (other, wider);
+                    }
+                }
                 if bound <= best {
                     break;
                 }
-                best = bodies[body].farther(0, &motion(body), best);
+                best = bodies[body].farther(0, &Motion::between(&a[body], &b[body]), best);
                 bounds[body] = 0.0;
             }
         }
@@ -230,20 +234,29 @@ impl Body {
     fn farther(&self, ball: usize, motion: &Motion, best: f64) -> f64 {
         match self.balls[ball].inside {
             Inside::Balls { right } => {
-                let children = [ball + 1, right].map(|i| (motion.bound(&self.balls[i]), i));
-                let [first, second] = match children {
-                    [left, right] if right.0 > left.0 => [right, left],
-                    in_order => in_order,
-                };
-                let descend = |best, (bound, child)| match bound > best {
-                    true => self.farther(child, motion, best),
-                    false => best,
-                };
-                descend(descend(best, first), second)
+                let mut near = (motion.bound(&self.balls[right]), right);
+                let mut far = (motion.bound(&self.balls[ball + 1]), ball + 1);
+                if near.0 > far.0 {
+                    (near, far) = (far, near);
+                }
+                let mut best = best;
+                if far.0 > best {
+                    best = self.farther(far.1, motion, best);
+                }
+                if near.0 > best {
+                    best = self.farther(near.1, motion, best);
+                }
+                best
             }
             Inside::Corners { from, to } => {
-                let squares = self.corners[from..to].iter().map(|p| motion.square(p));
-                best.max(squares.fold(0.0, f64::max).sqrt())
+                let mut most = 0.0;
+                for corner in &self.corners[from..to] {
+                    let square = motion.square(corner);
+                    if square > most {
+                        most = square;
+                    }
+                }
+                best.max(most.sqrt())
             }
         }
     }
@@ -289,7 +302,8 @@ fn bounds(points: &[[f64; 3]]) -> Option<([f64; 3], [f64; 3])> {
     Some((at(1.0), at(-1.0)))
 }
 
-/// How a body's points are displaced from one pose to another.
+/// How a body's points are displaced from one pose to another. (Plain loops: these few lines are
+/// where the time goes, and closures of the standard library's arrays are calls in a dev build.)
 struct Motion {
     /// A and b.
     rows: Rows,
@@ -303,7 +317,7 @@ impl Motion {
         let mut rows = [[0.0; 4]; 3];
         let mut squares = 0.0;
         for (row, (a, b)) in rows.iter_mut().zip(a.iter().zip(b)) {
-            *row = std::array::from_fn(|column| a[column] - b[column]);
+            *row = [a[0] - b[0], a[1] - b[1], a[2] - b[2], a[3] - b[3]];
             squares += row[0] * row[0] + row[1] * row[1] + row[2] * row[2];
         }
         // The singular values of a difference of two rotations are 2 sin(theta/2), twice, and 0.
@@ -316,9 +330,12 @@ impl Motion {
     /// The displacement of a point, squared.
     #[inline(always)]
     fn square(&self, p: &[f64; 3]) -> f64 {
-        let along = |row: &[f64; 4]| row[0] * p[0] + row[1] * p[1] + row[2] * p[2] + row[3];
-        let [x, y, z] = [0, 1, 2].map(|i| along(&self.rows[i]));
-        x * x + y * y + z * z
+        let mut square = 0.0;
+        for row in &self.rows {
+            let along = row[0] * p[0] + row[1] * p[1] + row[2] * p[2] + row[3];
+            square += along * along;
+        }
+        square
     }
 
     /// No point in the ball is displaced by more.
