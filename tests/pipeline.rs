@@ -5,9 +5,10 @@ use armpose::estimator::error::{mean_angle_error, mean_pose};
 use armpose::experiment::task::Task;
 use armpose::experiment::tasks::data_set::DataSetTask;
 use armpose::experiment::tasks::estimates::EstimatesTask;
-use armpose::experiment::tasks::pose_forest::{ObjectiveName, PoseForestTask, Training};
+use armpose::experiment::tasks::pose_forest::{PoseForestTask, Training};
 use armpose::feature::FeatureSpec;
 use armpose::forest::grow::GrowSpec;
+use armpose::forest::objective::ObjectiveKind;
 use std::path::Path;
 use std::sync::Arc;
 
@@ -22,7 +23,7 @@ fn a_forest_knows_the_images_it_was_trained_on() {
     let forest = Arc::new(PoseForestTask {
         set: set.clone(),
         images: (0..IMAGES).collect(),
-        objective: ObjectiveName::Mse,
+        objective: ObjectiveKind::named("mse").unwrap(),
         training: Training {
             foreground: 2000,
             background: 1000,

@@ -22,6 +22,9 @@ pub struct Claim<T> {
     pub paper: Scalar,
     /// Absent when nothing in this project can test the claim.
     pub test: Option<T>,
+    /// Why there is no test.
+    #[serde(default)]
+    pub untested: Option<String>,
 }
 
 /// A number or words.
@@ -59,7 +62,8 @@ impl std::fmt::Display for Scalar {
     }
 }
 
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize, Serialize)]
+/// From good to bad: the verdict on several things together is their maximum.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Deserialize, Serialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Verdict {
     Reproduced,
@@ -117,27 +121,38 @@ impl<T> Claim<T> {
         }
     }
 
+    /// The result of a claim without a test.
+    pub fn without_test(&self) -> ClaimResult {
+        let reason = self.untested.as_deref();
+        self.not_checkable(reason.unwrap_or("nothing here can test it"))
+    }
+
     /// The result of a claim that cannot be tested here, with the reason.
     pub fn not_checkable(&self, reason: &str) -> ClaimResult {
         self.result(reason, 0, Verdict::NotCheckable)
     }
 }
 
-/// Whether `smaller` is below `larger`, pair by pair (one pair for each image): the 95 % bootstrap
-/// interval of `larger - smaller` and the verdict. *Reproduced* when the interval lies above zero,
-/// *partly* when only the mean does, else *not*. Panics when the lengths differ.
-pub fn order(smaller: &[f64], larger: &[f64], stream: &mut Stream) -> (Interval, Verdict) {
-    assert_eq!(smaller.len(), larger.len(), "an order needs pairs");
-    let differences: Vec<f64> = smaller.iter().zip(larger).map(|(s, l)| l - s).collect();
-    let interval = bootstrap_mean(&differences, stream);
-    let verdict = if interval.low > 0.0 {
-        Verdict::Reproduced
-    } else if interval.mean > 0.0 {
-        Verdict::Partly
-    } else {
-        Verdict::Not
-    };
-    (interval, verdict)
+impl Verdict {
+    /// What is claimed to lie between `low` and `high` is *reproduced* when its 95 % interval does,
+    /// *partly* when only its mean does, else *not*.
+    pub fn of(interval: &Interval, low: f64, high: f64) -> Verdict {
+        if low < interval.low && interval.high < high {
+            Verdict::Reproduced
+        } else if low < interval.mean && interval.mean < high {
+            Verdict::Partly
+        } else {
+            Verdict::Not
+        }
+    }
+}
+
+/// The 95 % bootstrap interval of the mean of `a - b`, pair by pair (one pair for each image).
+/// Panics when the lengths differ.
+pub fn difference(a: &[f64], b: &[f64], stream: &mut Stream) -> Interval {
+    assert_eq!(a.len(), b.len(), "differences need pairs");
+    let differences: Vec<f64> = a.iter().zip(b).map(|(a, b)| a - b).collect();
+    bootstrap_mean(&differences, stream)
 }
 
 #[cfg(test)]
@@ -146,20 +161,24 @@ mod tests {
     use crate::random::{normal, stream};
 
     #[test]
-    fn an_order_is_judged_by_its_paired_differences() {
+    fn verdicts_rest_on_paired_differences() {
         let mut s = stream(1, "order-test", &[]);
         let base: Vec<f64> = (0..100).map(|_| 40.0 + 10.0 * normal(&mut s)).collect();
         let above = |by: f64| -> Vec<f64> {
             let mut noise = stream(2, "order-noise", &[]);
             base.iter().map(|b| b + by + normal(&mut noise)).collect()
         };
-        let offset = order(&base, &above(0.0), &mut s).0.mean;
-        let mut judge = |by: f64| order(&base, &above(by - offset), &mut s);
+        let offset = difference(&above(0.0), &base, &mut s).mean;
+        let mut gap = |by: f64| difference(&above(by - offset), &base, &mut s);
         // Noise of the difference is 1, of its mean 0.1, although the values themselves vary by 10.
-        assert_eq!(judge(0.5).1, Verdict::Reproduced);
-        assert_eq!(judge(0.05).1, Verdict::Partly);
-        assert_eq!(judge(-0.05).1, Verdict::Not);
-        assert!((judge(0.5).0.mean - 0.5).abs() < 1e-9);
+        let mut judge = |by: f64, low: f64, high: f64| Verdict::of(&gap(by), low, high);
+        assert_eq!(judge(0.5, 0.0, f64::INFINITY), Verdict::Reproduced);
+        assert_eq!(judge(0.05, 0.0, f64::INFINITY), Verdict::Partly);
+        assert_eq!(judge(-0.05, 0.0, f64::INFINITY), Verdict::Not);
+        assert_eq!(judge(0.1, -0.5, 0.5), Verdict::Reproduced);
+        assert_eq!(judge(0.45, -0.5, 0.5), Verdict::Partly);
+        assert_eq!(judge(0.55, -0.5, 0.5), Verdict::Not);
+        assert!((gap(0.5).mean - 0.5).abs() < 1e-9);
     }
 
     #[test]

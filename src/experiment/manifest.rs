@@ -1,4 +1,5 @@
-//! `manifest.json`: how results came about. Times and machines stand here and nowhere else.
+//! `manifest.json`: how results came about. Times and machines stand here, and nowhere else but in
+//! the results of studies that measure time.
 
 use super::plan::TaskRecord;
 use super::recipe::Hash;
@@ -123,6 +124,17 @@ impl Manifest {
             outputs,
         })
     }
+}
+
+/// What a measured time depends on besides the work: the processor, the threads, and this very
+/// program.
+pub fn timing_conditions() -> serde_json::Value {
+    let program = std::env::current_exe().and_then(|path| Hash::of_file(&path));
+    serde_json::json!({
+        "cpu": field("/proc/cpuinfo", "model name"),
+        "threads": rayon::current_num_threads(),
+        "program": program.ok(),
+    })
 }
 
 /// The first value of `name` in a file of lines `name : value`.

@@ -35,10 +35,12 @@ pub mod tasks;
 pub fn kinds() -> Vec<study_file::Kind> {
     use studies::*;
     vec![
+        study_file::Kind::new("confidence", confidence::define),
         study_file::Kind::new("cross-validation", cross_validation::define),
         study_file::Kind::new("sensor", sensor::define),
         study_file::Kind::new("sets", sets::define),
         study_file::Kind::new("threshold-sweep", threshold_sweep::define),
+        study_file::Kind::new("training-time", training_time::define),
         study_file::Kind::new("tuning", tuning::define),
     ]
 }

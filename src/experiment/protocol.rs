@@ -6,11 +6,14 @@ use super::study::Done;
 use super::task::Task;
 use super::tasks::data_set::DataSetTask;
 use super::tasks::estimates::EstimatesTask;
-use super::tasks::pose_forest::{ObjectiveName, PoseForestTask, Training};
+use super::tasks::pose_forest::{PoseForestTask, Training};
 use crate::dataset::{DataSet, folds};
 use crate::estimator::error::{angle_error, mean_pose, tip_error};
 use crate::estimator::image::{ImageEstimate, STEPS};
-use crate::scene::Rig;
+use crate::forest::objective::ObjectiveKind;
+use crate::pose_space::disp::Disp;
+use crate::robot::Robot;
+use crate::scene::{Arm, Rig};
 use anyhow::{Result, bail};
 use serde::{Deserialize, Serialize};
 use std::path::Path;
@@ -88,7 +91,7 @@ impl CrossValidation {
 
     /// The tasks that test every image once, one for each fold, with the protocol's own training
     /// and bandwidth.
-    pub fn estimates(&self, objective: ObjectiveName) -> Result<Vec<Arc<EstimatesTask>>> {
+    pub fn estimates(&self, objective: &'static ObjectiveKind) -> Result<Vec<Arc<EstimatesTask>>> {
         let Protocol {
             training, sigma, ..
         } = &self.protocol;
@@ -98,7 +101,7 @@ impl CrossValidation {
     /// The same with another training, bandwidth and number of trees that take part.
     pub fn estimates_with(
         &self,
-        objective: ObjectiveName,
+        objective: &'static ObjectiveKind,
         training: &Training,
         sigma: f64,
         trees: usize,
@@ -152,12 +155,15 @@ impl CrossValidation {
         outcomes.sort_by_key(|outcome| outcome.image);
         Ok(outcomes)
     }
-
-    /// The ruler for the arm that is estimated.
-    pub fn ruler(&self) -> Result<Ruler> {
-        Ruler::new(&self.set)
-    }
 }
+
+/// An objective has the same colour in every figure.
+pub fn colour(objective: &ObjectiveKind) -> usize {
+    objective.place() % FLOOR_COLOUR
+}
+
+/// The colour of the constant pose: black.
+pub const FLOOR_COLOUR: usize = 7;
 
 /// The step of [`ImageEstimate::thresholds`] for a relative threshold.
 pub fn step_of(t_r: f64) -> Result<usize> {
@@ -172,12 +178,14 @@ pub fn step_of(t_r: f64) -> Result<usize> {
 }
 
 /// Measures how far a pose is from the truth, for one arm of one robot.
-pub struct Ruler {
-    rig: Rig,
-    arm: usize,
+pub struct Ruler<'a> {
+    robot: &'a Robot,
+    arm: &'a Arm,
+    joints: Vec<&'a str>,
+    disp: Disp<'a>,
 }
 
-/// Errors of one pose: of each joint and of the tip, and means over groups of joints.
+/// Errors of one pose.
 #[derive(Debug, Clone, PartialEq)]
 pub struct PoseError {
     pub joints_deg: Vec<f64>,
@@ -185,50 +193,48 @@ pub struct PoseError {
     pub all_deg: f64,
     pub arm_deg: f64,
     pub hand_deg: f64,
+    /// Root of the mean square over all joints.
+    pub rms_deg: f64,
+    /// Eq. 3: how far the farthest point of the arm is from where it should be.
+    pub disp_m: f64,
     /// Distance between the true and the estimated fingertip.
-    pub tip_mm: f64,
+    pub tip_m: f64,
 }
 
-impl Ruler {
-    fn new(set: &DataSetTask) -> Result<Ruler> {
-        let rig = Rig::read(&set.spec.robot_path())?;
-        let Some(arm) = rig.arm(&set.spec.target) else {
-            bail!(
-                "set {}: the robot has no arm called {}",
-                set.spec.name,
-                set.spec.target
-            );
-        };
-        Ok(Ruler { rig, arm })
+impl<'a> Ruler<'a> {
+    /// For an arm of `rig`.
+    pub fn new(rig: &'a Rig, arm: usize) -> Result<Self> {
+        let arm = &rig.arms[arm];
+        let names: Vec<&str> = rig.robot.dof_joints().map(|j| j.name.as_str()).collect();
+        let joints: Vec<&str> = arm.joints.iter().map(|&dof| names[dof]).collect();
+        Ok(Self {
+            robot: &rig.robot,
+            arm,
+            disp: Disp::new(&rig.robot, &joints)?,
+            joints,
+        })
     }
 
     /// The names of the joints of a pose, in order.
-    pub fn joints(&self) -> Vec<&str> {
-        let names: Vec<&str> = self
-            .rig
-            .robot
-            .dof_joints()
-            .map(|j| j.name.as_str())
-            .collect();
-        self.rig.arms[self.arm]
-            .joints
-            .iter()
-            .map(|&dof| names[dof])
-            .collect()
+    pub fn joints(&self) -> &[&'a str] {
+        &self.joints
     }
 
     pub fn measure(&self, truth: &[f64], estimate: &[f64]) -> PoseError {
-        let arm = &self.rig.arms[self.arm];
         let pairs = truth.iter().zip(estimate);
         let joints_deg: Vec<f64> = pairs
             .map(|(&t, &e)| angle_error(t, e).to_degrees())
             .collect();
-        let (arm_deg, hand_deg) = joints_deg.split_at(arm.arm_joints);
+        let squares: Vec<f64> = joints_deg.iter().map(|e| e * e).collect();
+        let (arm_deg, hand_deg) = joints_deg.split_at(self.arm.arm_joints);
+        let Arm { tip, joints, .. } = self.arm;
         PoseError {
             all_deg: mean(&joints_deg),
             arm_deg: mean(arm_deg),
             hand_deg: mean(hand_deg),
-            tip_mm: 1e3 * tip_error(&self.rig.robot, arm.tip, &arm.joints, truth, estimate),
+            rms_deg: mean(&squares).sqrt(),
+            disp_m: self.disp.distance(truth, estimate),
+            tip_m: tip_error(self.robot, *tip, joints, truth, estimate),
             joints_deg,
         }
     }

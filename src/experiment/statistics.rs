@@ -29,7 +29,7 @@ pub fn quantile(sorted: &[f64], share: f64) -> f64 {
     sorted[below] + (sorted[above] - sorted[below]) * (position - below as f64)
 }
 
-/// A mean with the limits of its 95 % interval.
+/// A mean, or another statistic, with the limits of its 95 % interval.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Interval {
     pub mean: f64,
@@ -37,25 +37,34 @@ pub struct Interval {
     pub high: f64,
 }
 
-/// Percentile bootstrap of the mean: the 2.5 % and 97.5 % quantiles of the means of 10,000
-/// resamples drawn with replacement. Values that belong together (the pixels of an image) must
-/// have been brought down to one value each before. NaN of nothing.
+/// Percentile bootstrap of the mean, see [`bootstrap`]. NaN of nothing.
 pub fn bootstrap_mean(values: &[f64], stream: &mut Stream) -> Interval {
+    let of = |drawn: &[usize]| drawn.iter().map(|&i| values[i]).sum::<f64>() / drawn.len() as f64;
+    bootstrap(values.len(), of, stream)
+}
+
+/// Percentile bootstrap of a statistic of `count` observations, which is told their indices: the
+/// 2.5 % and 97.5 % quantiles over 10,000 resamples drawn with replacement; `mean` is the statistic
+/// of the observations themselves. Values that belong together (the pixels of an image) must have
+/// been brought down to one observation each before.
+pub fn bootstrap(
+    count: usize,
+    statistic: impl Fn(&[usize]) -> f64,
+    stream: &mut Stream,
+) -> Interval {
     const RESAMPLES: usize = 10_000;
-    let n = values.len();
-    let mut means: Vec<f64> = (0..RESAMPLES)
-        .map(|_| {
-            (0..n)
-                .map(|_| values[random::below(stream, n)])
-                .sum::<f64>()
-                / n as f64
-        })
-        .collect();
-    means.sort_by(f64::total_cmp);
+    let mut drawn: Vec<usize> = (0..count).collect();
+    let mean = statistic(&drawn);
+    let resample = |_| {
+        drawn.fill_with(|| random::below(stream, count));
+        statistic(&drawn)
+    };
+    let mut resampled: Vec<f64> = (0..RESAMPLES).map(resample).collect();
+    resampled.sort_by(f64::total_cmp);
     Interval {
-        mean: mean(values),
-        low: quantile(&means, 0.025),
-        high: quantile(&means, 0.975),
+        mean,
+        low: quantile(&resampled, 0.025),
+        high: quantile(&resampled, 0.975),
     }
 }
 

@@ -1,5 +1,5 @@
 //! Random forests over binned integer features. Knows nothing of robots or images: targets come in
-//! as tables.
+//! as tables, or as the distances between them.
 //!
 //! The way through: a [`SampleMatrix`](crate::feature::SampleMatrix) becomes [`bins`]; [`grow`]
 //! grows [`tree`]s from them on an [`objective`]; [`leaves`] holds what the leaves say; a
@@ -12,6 +12,8 @@ pub mod model_file;
 pub mod objective;
 pub mod pose_forest;
 pub mod tree;
+
+use crate::pose_space::MapError;
 
 /// What cannot be learnt from. (What is wrong with a model file says
 /// [`ModelError`](model_file::ModelError).)
@@ -37,4 +39,6 @@ pub enum ForestError {
     NotFinite { target: usize, column: usize },
     #[error("the confidence's bandwidth sigma is {0}; it must be a positive number")]
     Sigma(f64),
+    #[error(transparent)]
+    Map(#[from] MapError),
 }

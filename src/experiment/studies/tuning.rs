@@ -1,14 +1,16 @@
 //! Leaf size and features per node, chosen on images that are used nowhere else.
 
+use crate::estimator::error::mean_angle_error;
 use crate::experiment::claims::{Claim, ClaimResult, Verdict};
 use crate::experiment::figure::{Axis, Figure, Mark, Panel, Plot, Shape};
-use crate::experiment::protocol::{CrossValidation, Protocol, Ruler, step_of};
+use crate::experiment::protocol::{CrossValidation, Protocol, step_of};
 use crate::experiment::statistics::{mean, standard_deviation};
 use crate::experiment::study::{Done, Report, Specification, Study};
 use crate::experiment::table::{Cell, Table};
 use crate::experiment::task::Task;
 use crate::experiment::tasks::estimates::EstimatesTask;
-use crate::experiment::tasks::pose_forest::{ObjectiveName, Training};
+use crate::experiment::tasks::pose_forest::Training;
+use crate::forest::objective::ObjectiveKind;
 use anyhow::{Result, bail};
 use serde::{Deserialize, Serialize};
 use std::sync::Arc;
@@ -16,7 +18,7 @@ use std::sync::Arc;
 #[derive(Debug, Clone, Deserialize, Serialize)]
 #[serde(deny_unknown_fields)]
 pub struct Parameters {
-    pub objective: ObjectiveName,
+    pub objective: &'static ObjectiveKind,
     pub t_r: f64,
     /// The protocol around which the settings vary; its forest carries the chosen values.
     pub protocol: Protocol,
@@ -177,11 +179,10 @@ impl Study for Tuning {
     }
 
     fn report(&self, done: Done<'_>) -> Result<Report> {
-        let ruler = self.validation.ruler()?;
         let mut floor = 0.0;
         let mut tried = Vec::new();
         for setting in &self.settings {
-            let (one, constant) = self.try_out(setting, &ruler, done)?;
+            let (one, constant) = self.try_out(setting, done)?;
             floor = constant;
             tried.push(one);
         }
@@ -225,14 +226,9 @@ impl Study for Tuning {
 
 impl Tuning {
     /// The setting's errors, and the mean error of the constant pose.
-    fn try_out<'a>(
-        &self,
-        setting: &'a Setting,
-        ruler: &Ruler,
-        done: Done<'_>,
-    ) -> Result<(Tried<'a>, f64)> {
+    fn try_out<'a>(&self, setting: &'a Setting, done: Done<'_>) -> Result<(Tried<'a>, f64)> {
         let outcomes = self.validation.outcomes(&setting.tasks, done)?;
-        let error = |truth: &[f64], pose: &[f64]| ruler.measure(truth, pose).all_deg;
+        let error = |truth: &[f64], pose: &[f64]| mean_angle_error(truth, pose).to_degrees();
         let tried = Tried {
             setting,
             errors_deg: outcomes
@@ -355,7 +351,7 @@ fn summary(tried: &[Tried], lowest: &Tried, chosen: &Tried) -> Table {
 
 fn judge(claim: &Claim<Test>, tried: &[Tried]) -> ClaimResult {
     let Some(Test { within }) = claim.test else {
-        return claim.not_checkable("nothing here can test it");
+        return claim.without_test();
     };
     let sigmas: Vec<&Tried> = tried
         .iter()

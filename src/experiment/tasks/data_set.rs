@@ -3,7 +3,8 @@
 use crate::Progress;
 use crate::dataset::{self, SetSpec};
 use crate::experiment::task::{Cost, Stage, Task};
-use anyhow::Result;
+use crate::scene::Rig;
+use anyhow::{Result, bail};
 use std::path::{Path, PathBuf};
 
 /// Generates the set that `data/sets/<name>.toml` specifies.
@@ -19,6 +20,19 @@ impl DataSetTask {
         let mut spec = SetSpec::read(&path)?;
         spec.images = images;
         Ok(DataSetTask { spec, seed })
+    }
+
+    /// The robot, and which of its arms is estimated.
+    pub fn rig(&self) -> Result<(Rig, usize)> {
+        let rig = Rig::read(&self.spec.robot_path())?;
+        match rig.arm(&self.spec.target) {
+            Some(arm) => Ok((rig, arm)),
+            None => bail!(
+                "set {}: the robot has no arm called {}",
+                self.spec.name,
+                self.spec.target
+            ),
+        }
     }
 }
 

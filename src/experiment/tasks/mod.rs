@@ -1,5 +1,7 @@
 //! The tasks that studies share.
 
 pub mod data_set;
+pub mod distances;
 pub mod estimates;
 pub mod pose_forest;
+pub mod training_times;

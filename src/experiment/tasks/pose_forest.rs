@@ -1,49 +1,23 @@
 //! Training a pose estimation forest.
 
 use super::data_set::DataSetTask;
+use super::distances::DistancesTask;
 use crate::Progress;
 use crate::dataset::{DataSet, sample_pixels};
 use crate::experiment::task::{Cost, Stage, Task};
 use crate::feature::{DepthFeatures, FeatureSpec, PaddedDepth, SampleMatrix};
+use crate::forest::ForestError;
 use crate::forest::bins::BinnedMatrix;
 use crate::forest::grow::{GrowSpec, TargetTable};
-use crate::forest::leaves::grow_means;
-use crate::forest::objective::{Objective, mse::mse};
+use crate::forest::leaves::{LeafTable, grow_means};
+use crate::forest::objective::{Make, Objective, ObjectiveKind};
 use crate::forest::pose_forest::PoseForest;
+use crate::forest::tree::Tree;
 use crate::random::stream;
 use anyhow::Result;
 use serde::{Deserialize, Serialize};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
-
-/// What the split of a node is chosen by (section III-B).
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "kebab-case")]
-pub enum ObjectiveName {
-    Mse,
-}
-
-impl ObjectiveName {
-    /// As the files call it.
-    pub fn id(self) -> &'static str {
-        match self {
-            ObjectiveName::Mse => "mse",
-        }
-    }
-
-    /// As the paper calls it.
-    pub fn title(self) -> &'static str {
-        match self {
-            ObjectiveName::Mse => "MSE",
-        }
-    }
-
-    fn objective(self, poses: &TargetTable) -> Result<Box<dyn Objective + '_>> {
-        Ok(match self {
-            ObjectiveName::Mse => mse(poses)?,
-        })
-    }
-}
 
 /// How a forest is trained on images, whichever they are.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -58,11 +32,12 @@ pub struct Training {
 }
 
 /// Trains a forest on some images of a set: the file `forest.bin`.
+#[derive(Clone)]
 pub struct PoseForestTask {
     pub set: Arc<DataSetTask>,
     /// The training images, ascending.
     pub images: Vec<usize>,
-    pub objective: ObjectiveName,
+    pub objective: &'static ObjectiveKind,
     pub training: Training,
     /// Which of several forests that differ in their images: part of the trees' seed.
     pub fold: usize,
@@ -71,13 +46,61 @@ pub struct PoseForestTask {
 /// The file in the folder of a trained forest.
 pub const FOREST_FILE: &str = "forest.bin";
 
+/// The pixels that a forest is trained on. The pixels of an image share its pose as their target.
+pub struct Samples {
+    pub features: DepthFeatures,
+    pub binned: BinnedMatrix,
+    /// One row for each training image.
+    pub poses: TargetTable,
+    /// The row of each sample.
+    pub targets: Vec<u16>,
+}
+
 impl PoseForestTask {
     fn samples_per_image(&self) -> usize {
         self.training.foreground + self.training.background
     }
 
-    fn samples(&self) -> usize {
+    pub fn samples(&self) -> usize {
         self.images.len() * self.samples_per_image()
+    }
+
+    /// All that trees are grown from but the objective. `set` is the result of `self.set`.
+    pub fn samples_of(&self, set: &DataSet) -> Result<Samples> {
+        let mut stream_of_features = stream(self.set.seed, "features", &[]);
+        let features = DepthFeatures::draw(&self.training.features, &mut stream_of_features)?;
+        let binned = BinnedMatrix::new(&self.sample_matrix(set, &features)?)?;
+        let poses: Vec<f64> = self
+            .images
+            .iter()
+            .flat_map(|&i| set.pose(i))
+            .copied()
+            .collect();
+        let of_image = |row: usize| std::iter::repeat_n(row as u16, self.samples_per_image());
+        Ok(Samples {
+            features,
+            binned,
+            poses: TargetTable::new(set.target_joints().len(), poses)?,
+            targets: (0..self.images.len()).flat_map(of_image).collect(),
+        })
+    }
+
+    /// Trees on these samples, and the tables of their leaves.
+    pub fn grow(
+        &self,
+        samples: &Samples,
+        objective: &dyn Objective,
+        progress: Progress<'_>,
+    ) -> Result<(Vec<Tree>, Vec<LeafTable>), ForestError> {
+        grow_means(
+            &samples.binned,
+            &samples.targets,
+            &samples.poses,
+            objective,
+            &self.training.forest,
+            crate::random::seed(self.set.seed, "forest", &[self.fold as u64]),
+            progress,
+        )
     }
 
     /// The features' values at the pixels drawn from each image. Features and pixels are the same
@@ -121,7 +144,7 @@ impl Task for PoseForestTask {
             .map_or(String::new(), |most| format!(", depth {most}"));
         format!(
             "forest on {} (leaves {}, features {}{depth}), fold {} of {}",
-            self.objective.title(),
+            self.objective.title,
             forest.min_leaf,
             forest.features_per_node,
             self.fold + 1,
@@ -140,7 +163,11 @@ impl Task for PoseForestTask {
     }
 
     fn inputs(&self) -> Vec<Arc<dyn Task>> {
-        vec![self.set.clone()]
+        let set = self.set.clone();
+        match self.objective.make {
+            Make::OfPoses(_) => vec![set],
+            Make::OfDistances(_) => vec![set.clone(), Arc::new(DistancesTask { set })],
+        }
     }
 
     fn cost(&self) -> Cost {
@@ -162,32 +189,20 @@ impl Task for PoseForestTask {
 
     fn run(&self, inputs: &[PathBuf], out: &Path, progress: Progress<'_>) -> Result<()> {
         let set = DataSet::open(&inputs[0])?;
-        let mut stream_of_features = stream(self.set.seed, "features", &[]);
-        let features = DepthFeatures::draw(&self.training.features, &mut stream_of_features)?;
-        let binned = BinnedMatrix::new(&self.sample_matrix(&set, &features)?)?;
-
+        let samples = self.samples_of(&set)?;
+        let distances;
+        let objective = match self.objective.make {
+            Make::OfPoses(make) => make(&samples.poses)?,
+            Make::OfDistances(make) => {
+                distances = DistancesTask::read(&inputs[1])?.subset(&self.images);
+                make(&distances)?
+            }
+        };
+        let (trees, leaves) = self.grow(&samples, &*objective, progress)?;
         let names = set.target_joints().to_vec();
-        let poses: Vec<f64> = self
-            .images
-            .iter()
-            .flat_map(|&i| set.pose(i))
-            .copied()
-            .collect();
-        let poses = TargetTable::new(names.len(), poses)?;
-        let of_image = |row: usize| std::iter::repeat_n(row as u16, self.samples_per_image());
-        let targets: Vec<u16> = (0..self.images.len()).flat_map(of_image).collect();
-        let objective = self.objective.objective(&poses)?;
-        let (trees, leaves) = grow_means(
-            &binned,
-            &targets,
-            &poses,
-            &*objective,
-            &self.training.forest,
-            crate::random::seed(self.set.seed, "forest", &[self.fold as u64]),
-            progress,
-        )?;
         // Whoever asks the forest chooses sigma; 1 is the paper's.
-        PoseForest::new(features, names, trees, leaves, 1.0)?.save(&out.join(FOREST_FILE))?;
+        let forest = PoseForest::new(samples.features, names, trees, leaves, 1.0)?;
+        forest.save(&out.join(FOREST_FILE))?;
         Ok(())
     }
 }

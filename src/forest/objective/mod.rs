@@ -1,8 +1,8 @@
 //! Objectives: what a split should make small (eq. 1).
 //!
-//! An objective is one file here. It implements [`Objective`] and hands the grower a [`NodeScan`],
-//! which is asked at every node for the best cut of one feature after the other. Where the score
-//! depends on sums over samples only, [`histogram::Histogram`] does the counting and the objective
+//! An objective is one file here, and one line of [`OBJECTIVES`]. It implements [`Objective`] and
+//! hands the grower a [`NodeScan`], which is asked at every node for the best cut of one feature
+//! after the other. Where the score depends on sums over samples only, [`histogram::Histogram`] does the counting and the objective
 //! gives a row of integers for each target and a score of two sums; [`mse`] is an example. One that
 //! needs to look at the whole node before it scores (to cluster it, say) does so in
 //! [`NodeScan::enter`].
@@ -14,7 +14,114 @@ pub mod mspd;
 pub mod mspd_published;
 mod pairs;
 
-use super::grow::Member;
+use self::mpmse::mpmse;
+use super::ForestError;
+use super::grow::{Member, TargetTable};
+use crate::distances::DistanceMatrix;
+use crate::pose_space::classical_scaling::classical_scaling;
+use crate::pose_space::kernel_pca::kernel_pca;
+use crate::pose_space::tsne::{TsneSpec, tsne};
+use serde::{Deserialize, Deserializer, Serialize, Serializer, de::Error};
+
+/// All objectives that can be asked for by name: the paper's in its order, then ours. Maps have the
+/// paper's parameters.
+pub static OBJECTIVES: [ObjectiveKind; 5] = [
+    of_poses("mse", "MSE", mse::mse),
+    of_distances("mspd", "MSPD", mspd::mspd),
+    of_distances("tsne", "MPMSE tSNE", |d| {
+        mpmse(tsne(d, tsne_spec(2, 40.0, d))?, 2)
+    }),
+    of_distances("kpca", "MPMSE KPCA", |d| {
+        mpmse(kernel_pca(d, 10.0, 10)?, 10)
+    }),
+    of_distances("mds", "MPMSE MDS", |d| mpmse(classical_scaling(d, 10)?, 10)),
+];
+
+/// An entry of [`OBJECTIVES`]. Study files and recipes hold its `id`.
+#[derive(Debug)]
+pub struct ObjectiveKind {
+    /// Its name in files.
+    pub id: &'static str,
+    /// Its name in figures, the paper's where there is one.
+    pub title: &'static str,
+    pub make: Make,
+}
+
+/// Makes an objective for the poses of the training images, one a target.
+#[derive(Debug)]
+pub enum Make {
+    /// Of the poses.
+    OfPoses(fn(&TargetTable) -> Made<'_>),
+    /// Of the distances between them.
+    OfDistances(fn(&DistanceMatrix) -> Made<'_>),
+}
+
+pub type Made<'a> = Result<Box<dyn Objective + 'a>, ForestError>;
+
+const fn of_poses(
+    id: &'static str,
+    title: &'static str,
+    make: fn(&TargetTable) -> Made<'_>,
+) -> ObjectiveKind {
+    let make = Make::OfPoses(make);
+    ObjectiveKind { id, title, make }
+}
+
+const fn of_distances(
+    id: &'static str,
+    title: &'static str,
+    make: fn(&DistanceMatrix) -> Made<'_>,
+) -> ObjectiveKind {
+    let make = Make::OfDistances(make);
+    ObjectiveKind { id, title, make }
+}
+
+/// t-SNE with at most a third of the other poses for neighbours: with more there is no choice.
+fn tsne_spec(dimensions: usize, perplexity: f64, distances: &DistanceMatrix) -> TsneSpec {
+    let others = distances.count() as f64 - 1.0;
+    TsneSpec {
+        dimensions,
+        perplexity: perplexity.min(others / 3.0),
+        degrees_of_freedom: 1,
+    }
+}
+
+impl ObjectiveKind {
+    /// The entry with this `id`.
+    pub fn named(id: &str) -> Option<&'static ObjectiveKind> {
+        OBJECTIVES.iter().find(|kind| kind.id == id)
+    }
+
+    /// Its place in [`OBJECTIVES`].
+    pub fn place(&self) -> usize {
+        OBJECTIVES
+            .iter()
+            .take_while(|kind| kind.id != self.id)
+            .count()
+    }
+}
+
+impl Serialize for ObjectiveKind {
+    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        self.id.serialize(serializer)
+    }
+}
+
+impl<'de> Deserialize<'de> for &'static ObjectiveKind {
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        const IDS: [&str; OBJECTIVES.len()] = {
+            let mut ids = [""; OBJECTIVES.len()];
+            let mut at = 0;
+            while at < ids.len() {
+                ids[at] = OBJECTIVES[at].id;
+                at += 1;
+            }
+            ids
+        };
+        let id = String::deserialize(deserializer)?;
+        ObjectiveKind::named(&id).ok_or_else(|| D::Error::unknown_variant(&id, &IDS))
+    }
+}
 
 /// An impurity H and the splits that make it small.
 pub trait Objective: Sync {

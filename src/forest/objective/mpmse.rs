@@ -1,11 +1,11 @@
 //! Mapped point mean squared error: eq. 5 on m(y) in place of y (eq. 10).
 
-use super::{Objective, mse::mse};
-use crate::forest::ForestError;
+use super::{Made, mse::mse_of};
 use crate::forest::grow::TargetTable;
+use std::borrow::Cow;
 
-/// Eq. 10 on `mapped`, which holds the point m(y) of each target y. What the points are, and how
-/// many values they have, is up to the map; splits do not depend on their scale.
-pub fn mpmse(mapped: &TargetTable) -> Result<Box<dyn Objective + '_>, ForestError> {
-    mse(mapped)
+/// Eq. 10 on `points`, which holds m(y) for each target y, `dimensions` numbers each. What the
+/// points are is up to the map; splits do not depend on their scale.
+pub fn mpmse<'a>(points: Vec<f64>, dimensions: usize) -> Made<'a> {
+    mse_of(Cow::Owned(TargetTable::new(dimensions, points)?))
 }

@@ -1,13 +1,19 @@
 //! Mean squared error: the variance of the targets, averaged over their values (eq. 5).
 
 use super::histogram::{Histogram, LANE_MAX, Rows};
-use super::{Cut, NodeScan, Objective};
+use super::{Cut, Made, NodeScan, Objective};
 use crate::forest::ForestError;
 use crate::forest::grow::{Member, TargetTable};
+use std::borrow::Cow;
 
 /// Eq. 5 on the rows of `table`. Splits are chosen on values rounded to 16 bits of the widest
 /// value's range; [`Objective::impurity`] takes them as they are.
-pub fn mse(table: &TargetTable) -> Result<Box<dyn Objective + '_>, ForestError> {
+pub fn mse(table: &TargetTable) -> Made<'_> {
+    mse_of(Cow::Borrowed(table))
+}
+
+/// The same, whoever keeps the table.
+pub(super) fn mse_of(table: Cow<TargetTable>) -> Made {
     // The compiler knows the size of a row, and lane 0 counts.
     match table.width() {
         0..4 => Ok(Box::new(Mse::<4>::new(table))),
@@ -23,13 +29,14 @@ pub fn mse(table: &TargetTable) -> Result<Box<dyn Objective + '_>, ForestError> 
 }
 
 struct Mse<'a, const L: usize> {
-    table: &'a TargetTable,
+    table: Cow<'a, TargetTable>,
     rows: Vec<[i32; L]>,
 }
 
 impl<'a, const L: usize> Mse<'a, L> {
-    fn new(table: &'a TargetTable) -> Self {
-        let column = |i: usize| (0..table.targets()).map(move |target| table.row(target)[i]);
+    fn new(table: Cow<'a, TargetTable>) -> Self {
+        let rows = (0..table.targets()).map(|target| table.row(target));
+        let column = |i: usize| rows.clone().map(move |row| row[i]);
         let range = |i: usize| {
             column(i).fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), y| {
                 (low.min(y), high.max(y))
@@ -53,10 +60,8 @@ impl<'a, const L: usize> Mse<'a, L> {
             }
             row
         };
-        Self {
-            table,
-            rows: (0..table.targets()).map(fixed).collect(),
-        }
+        let rows = (0..table.targets()).map(fixed).collect();
+        Self { table, rows }
     }
 }
 

@@ -325,7 +325,7 @@ fn figure(title: &str, conditions: &[Condition]) -> Figure {
 /// The worst deviation over the conditions that a test looks at, and the verdict.
 fn judge(claim: &Claim<Test>, conditions: &[Condition]) -> ClaimResult {
     let Some(test) = &claim.test else {
-        return claim.not_checkable("nothing here can test it");
+        return claim.without_test();
     };
     // The paper's claim is about the sensor that the main sets use.
     let ours = |measurement: &str| {

@@ -1,0 +1,228 @@
+//! Tables and figure of the comparison.
+
+use super::{CrossValidationStudy, Method, Tested};
+use crate::experiment::figure::{Axis, Figure, Mark, Panel, Plot, Shape};
+use crate::experiment::protocol::{PoseError, Protocol};
+use crate::experiment::statistics::{mean, quantile, standard_deviation};
+use crate::experiment::study::Report;
+use crate::experiment::table::{Cell, Table};
+use anyhow::Result;
+
+/// What is measured.
+struct Measure {
+    name: String,
+    unit: &'static str,
+    of: Box<dyn Fn(&PoseError) -> f64>,
+}
+
+fn measures(joints: &[&str]) -> Vec<Measure> {
+    let measure = |name: &str, unit, of: fn(&PoseError) -> f64| Measure {
+        name: name.to_owned(),
+        unit,
+        of: Box::new(of),
+    };
+    let joint = |(at, name): (usize, &&str)| Measure {
+        name: (*name).to_owned(),
+        unit: "deg",
+        of: Box::new(move |e: &PoseError| e.joints_deg[at]),
+    };
+    [
+        measure("all joints", "deg", |e| e.all_deg),
+        measure("arm joints", "deg", |e| e.arm_deg),
+        measure("hand joints", "deg", |e| e.hand_deg),
+        measure("root mean square", "deg", |e| e.rms_deg),
+        measure("DISP", "m", |e| e.disp_m),
+        measure("fingertip", "m", |e| e.tip_m),
+    ]
+    .into_iter()
+    .chain(joints.iter().enumerate().map(joint))
+    .collect()
+}
+
+/// The measures before those of single joints: angles, and then distances.
+const ANGLES: std::ops::Range<usize> = 0..4;
+const DISTANCES: std::ops::Range<usize> = 4..6;
+
+impl CrossValidationStudy {
+    pub(super) fn report_on(&self, methods: &[Method], joints: &[&str]) -> Result<Report> {
+        let measures = measures(joints);
+        Ok(Report {
+            data: self.data(methods, joints),
+            summary: summary(methods, &measures),
+            figures: vec![(
+                self.specification.id.clone(),
+                self.figure(methods, &measures),
+            )],
+            claims: self.verdicts(methods)?,
+            text: text(methods, &measures),
+        })
+    }
+
+    /// A row for each image by each method, with the pose in radians.
+    fn data(&self, methods: &[Method], joints: &[&str]) -> Table {
+        const COLUMNS: [&str; 13] = [
+            "image",
+            "fold",
+            "method",
+            "segmentation",
+            "visible_px",
+            "valid_px",
+            "chosen_px",
+            "chosen_foreground_px",
+            "error_deg",
+            "arm_error_deg",
+            "hand_error_deg",
+            "disp_m",
+            "tip_m",
+        ];
+        let poses = joints.iter().map(|joint| format!("{joint}_rad"));
+        let mut table = Table::new(COLUMNS.map(str::to_owned).into_iter().chain(poses));
+        for method in methods {
+            for Tested {
+                outcome,
+                estimate,
+                error,
+            } in &method.results
+            {
+                let chosen = &outcome.estimate.thresholds[self.step];
+                let ours = |count: usize| match method.id {
+                    "truth" | "constant-pose" => Cell::Empty,
+                    _ => count.into(),
+                };
+                let cells: [Cell; COLUMNS.len()] = [
+                    outcome.image.into(),
+                    outcome.fold.into(),
+                    method.id.into(),
+                    "none".into(),
+                    outcome.visible.into(),
+                    outcome.valid.into(),
+                    ours(chosen.pixels),
+                    ours(chosen.foreground),
+                    error.all_deg.into(),
+                    error.arm_deg.into(),
+                    error.hand_deg.into(),
+                    error.disp_m.into(),
+                    error.tip_m.into(),
+                ];
+                let pose = estimate.iter().map(|&angle| Cell::from(angle));
+                table.push(cells.into_iter().chain(pose));
+            }
+        }
+        table
+    }
+
+    fn figure(&self, methods: &[Method], all: &[Measure]) -> Figure {
+        let (groups, joints) = all.split_at(DISTANCES.end);
+        // The truth has no error to draw.
+        let drawn = || methods.iter().filter(|method| method.id != "truth");
+        let plot = |title: &str, axis: &str, of: &[Measure]| {
+            let marks = drawn().map(|method| {
+                let bar = |measure: &Measure| {
+                    let folds = method.folds(&measure.of);
+                    let (centre, spread) = (mean(&folds), standard_deviation(&folds));
+                    // Beside each other, those of single joints would hide the bars.
+                    let whisker = of.len() < joints.len();
+                    (
+                        centre,
+                        whisker.then_some((centre - spread, centre + spread)),
+                    )
+                };
+                let bars = Shape::Bars(of.iter().map(bar).collect());
+                Mark::new(method.title, method.colour, bars)
+            });
+            Panel::Plot(Plot {
+                title: title.to_owned(),
+                x: Axis::of("", of.iter().map(|measure| measure.name.clone())),
+                y: Axis::new(axis).including(0.0, 0.0),
+                marks: marks.collect(),
+            })
+        };
+        // Against the pixels that show the arm: the mean of each fifth of the images. A logarithmic
+        // axis has no place for none.
+        let fifths = drawn().map(|method| {
+            let seen = |r: &Tested| (r.outcome.visible.max(1) as f64, r.error.all_deg);
+            let mut points: Vec<(f64, f64)> = method.results.iter().map(seen).collect();
+            points.sort_by(|a, b| a.0.total_cmp(&b.0));
+            let fifth = |points: &[(f64, f64)]| {
+                let errors: Vec<f64> = points.iter().map(|p| p.1).collect();
+                (points[points.len() / 2].0, mean(&errors))
+            };
+            let size = points.len().div_ceil(5);
+            let line = points.chunks(size).map(fifth).collect();
+            Mark::new(method.title, method.colour, Shape::Line(line))
+        });
+        let visibility = Panel::Plot(Plot {
+            title: "Error by what is seen of the arm".to_owned(),
+            x: Axis::new("visible pixels of the arm").log(),
+            y: Axis::new("mean joint error (deg)"),
+            marks: fifths.collect(),
+        });
+        let Protocol { images, folds, .. } = &self.specification.parameters.protocol;
+        Figure {
+            title: self.specification.title.clone(),
+            caption: format!(
+                "Images without segmentation. Bars: mean over {images} images, each tested by a \
+                 forest that had not seen it; whiskers: one standard deviation over {folds} folds. \
+                 Lines join the means of fifths of the images."
+            ),
+            panels: vec![
+                plot("Joint error", "mean absolute error (deg)", &groups[ANGLES]),
+                plot("Distance", "distance (m)", &groups[DISTANCES]),
+                plot("Error of each joint", "mean absolute error (deg)", joints),
+                visibility,
+            ],
+            columns: 2,
+            size: (2400, 1400),
+        }
+    }
+}
+
+/// A row for each measure of each method.
+fn summary(methods: &[Method], measures: &[Measure]) -> Table {
+    let mut table = Table::new([
+        "method",
+        "segmentation",
+        "measure",
+        "unit",
+        "error",
+        "fold_sd",
+        "median_image",
+        "images",
+    ]);
+    for method in methods {
+        for Measure { name, unit, of } in measures {
+            let mut images = method.images(of);
+            images.sort_by(f64::total_cmp);
+            table.push([
+                method.id.into(),
+                "none".into(),
+                name.as_str().into(),
+                (*unit).into(),
+                mean(&images).into(),
+                standard_deviation(&method.folds(of)).into(),
+                quantile(&images, 0.5).into(),
+                images.len().into(),
+            ]);
+        }
+    }
+    table
+}
+
+fn text(methods: &[Method], measures: &[Measure]) -> String {
+    let mut table = Table::new(
+        std::iter::once("mean error (sd over folds)".to_owned())
+            .chain(methods.iter().map(|m| m.title.to_owned())),
+    );
+    for Measure { name, unit, of } in measures {
+        let digits = if *unit == "m" { 3 } else { 2 };
+        let row = methods.iter().map(|method| {
+            let (centre, spread) = (
+                mean(&method.images(of)),
+                standard_deviation(&method.folds(of)),
+            );
+            Cell::from(format!("{centre:.digits$} ({spread:.digits$})"))
+        });
+        table.push(std::iter::once(Cell::from(format!("{name} ({unit})"))).chain(row));
+    }
+    table.to_text()
+}
