@@ -29,8 +29,14 @@ pub fn extreme_points(points: &[[f64; 3]]) -> Vec<usize> {
         let Some(&apex) = face.above.iter().max_by_key(height) else {
             break;
         };
-        let sees = |face: &mut Face| face.height(&grid[apex]) > 0;
-        let seen: Vec<Face> = faces.extract_if(.., sees).collect();
+        let mut seen = Vec::new();
+        let mut at = 0;
+        while at < faces.len() {
+            match faces[at].height(&grid[apex]) > 0 {
+                true => seen.push(faces.swap_remove(at)),
+                false => at += 1,
+            }
+        }
         let edges = |face: &Face| {
             let [a, b, c] = face.corners;
             [(a, b), (b, c), (c, a)]

@@ -6,6 +6,7 @@ pub mod co_ranking;
 pub mod disp;
 pub mod hull;
 pub mod kernel_pca;
+pub mod spectral;
 pub mod tsne;
 
 /// Distances that cannot be mapped.

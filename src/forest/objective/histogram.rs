@@ -31,6 +31,14 @@ impl<const L: usize> Rows<L> {
         }
     }
 
+    /// Gives a target another row.
+    pub fn set(&mut self, target: usize, row: [i32; L]) {
+        let weighted = self.weighted[target..].iter_mut().step_by(self.targets);
+        for (weight, of_weight) in (1..).zip(weighted) {
+            (0..L).for_each(|lane| of_weight[lane] = weight * row[lane]);
+        }
+    }
+
     #[inline(always)]
     fn of(&self, member: Member) -> &[i32; L] {
         &self.weighted[(usize::from(member.weight) - 1) * self.targets + usize::from(member.target)]

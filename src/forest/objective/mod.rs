@@ -13,6 +13,7 @@ pub mod mse;
 pub mod mspd;
 pub mod mspd_published;
 mod pairs;
+pub mod wsc;
 
 use self::mpmse::mpmse;
 use super::ForestError;

@@ -1,0 +1,355 @@
+//! Weighted spectral clustering-based split (section III-B3, eqs. 7-9).
+//!
+//! The samples of a node are clustered into C_0 and C_1, and a split is scored by the samples that
+//! it sends to the wrong side. Let e(s) be the distance of a sample to the central sample of the
+//! *other* cluster (eq. 8). Where C_0 is meant to go left, H(S_l) + H(S_r) is the sum of e over what
+//! C_1 has on the left and C_0 on the right; where C_1 is meant to go left, it is the rest of the
+//! node's sum of e. So the smaller of both is
+//!
+//! 1/2 sum(e) - 1/2 |delta(S_l) - delta(S_r)|, with delta = sum of -e over C_0 and of +e over C_1,
+//!
+//! and the split to choose is that of the largest |delta(S_l) - delta(S_r)|. The paper writes the
+//! plain sum of both sides, and so do we: unlike in eq. 1 they are not weighted by their sizes,
+//! which sums of distances have in them already.
+
+use super::histogram::{Histogram, LANE_MAX, Rows};
+use super::pairs::mspd_impurity;
+use super::{Cut, NodeScan, Objective};
+use crate::distances::DistanceMatrix;
+use crate::forest::ForestError;
+use crate::forest::grow::Member;
+use crate::pose_space::spectral::TwoClusters;
+
+/// Target t of a sample is row t of `distances`. Splits are chosen on distances rounded to 15 bits
+/// of the node's largest e; [`Objective::impurity`] is eq. 6, as the paper has it for leaves.
+pub fn wsc(distances: &DistanceMatrix) -> Result<Box<dyn Objective + '_>, ForestError> {
+    let targets = distances.count();
+    let most = usize::from(u16::MAX) + 1;
+    if targets > most {
+        return Err(ForestError::TooMany {
+            what: "targets",
+            got: targets,
+            most,
+        });
+    }
+    for target in 0..targets {
+        let row = distances.row(target);
+        if let Some(column) = row.iter().position(|distance| !distance.is_finite()) {
+            return Err(ForestError::NotFinite { target, column });
+        }
+    }
+    Ok(Box::new(Wsc { distances }))
+}
+
+struct Wsc<'a> {
+    distances: &'a DistanceMatrix,
+}
+
+impl Objective for Wsc<'_> {
+    fn targets(&self) -> usize {
+        self.distances.count()
+    }
+
+    fn scan(&self, max_weight: u16) -> Box<dyn NodeScan + '_> {
+        let nothing = vec![[1, 0]; self.distances.count()];
+        Box::new(Scan {
+            clusters: NodeClusters::new(self.distances),
+            rows: Rows::new(&nothing, max_weight),
+            total: [0.0; 2],
+            histogram: Histogram::default(),
+        })
+    }
+
+    fn impurity(&self, members: &[Member]) -> f64 {
+        mspd_impurity(self.distances, members)
+    }
+}
+
+/// The clusters of one node after the other.
+pub struct NodeClusters<'a> {
+    distances: &'a DistanceMatrix,
+    /// The weight of each target in the node.
+    weight_of: Vec<u32>,
+    present: Vec<u16>,
+    weights: Vec<f64>,
+    /// The distances between those present, row by row.
+    among: Vec<f64>,
+    spectral: TwoClusters,
+    in_second: Vec<bool>,
+    centres: [usize; 2],
+}
+
+impl<'a> NodeClusters<'a> {
+    pub fn new(distances: &'a DistanceMatrix) -> Self {
+        Self {
+            distances,
+            weight_of: vec![0; distances.count()],
+            present: Vec::new(),
+            weights: Vec::new(),
+            among: Vec::new(),
+            spectral: TwoClusters::default(),
+            in_second: Vec::new(),
+            centres: [0; 2],
+        }
+    }
+
+    /// Clusters the samples of a node. False when all are alike; then there are no clusters.
+    pub fn find(&mut self, members: &[Member]) -> bool {
+        self.present.clear();
+        for member in members {
+            let weight = &mut self.weight_of[usize::from(member.target)];
+            if *weight == 0 {
+                self.present.push(member.target);
+            }
+            *weight += u32::from(member.weight);
+        }
+        self.present.sort_unstable();
+        self.weights.clear();
+        self.among.clear();
+        for &target in &self.present {
+            let weight = std::mem::take(&mut self.weight_of[usize::from(target)]);
+            self.weights.push(f64::from(weight));
+            let row = self.distances.row(usize::from(target));
+            let others = self.present.iter();
+            self.among
+                .extend(others.map(|&other| row[usize::from(other)]));
+        }
+        let Some(in_second) = self.spectral.find(&self.among, &self.weights) else {
+            return false;
+        };
+        self.in_second.clear();
+        self.in_second.extend(in_second);
+        self.centres = [self.central(false), self.central(true)];
+        true
+    }
+
+    /// The place of a cluster's central target (eq. 9); of equals the first.
+    fn central(&self, second: bool) -> usize {
+        let mut best = (f64::INFINITY, 0);
+        let rows = self.among.chunks_exact(self.present.len());
+        for (place, row) in rows.enumerate() {
+            if self.in_second[place] != second {
+                continue;
+            }
+            let mut sum = 0.0;
+            for (other, (distance, weight)) in row.iter().zip(&self.weights).enumerate() {
+                if self.in_second[other] == second {
+                    sum += weight * distance;
+                }
+            }
+            if sum < best.0 {
+                best = (sum, place);
+            }
+        }
+        best.1
+    }
+
+    /// The targets in the node, ascending, and whether each is in C_1. The lowest is in C_0.
+    pub fn targets(&self) -> impl Iterator<Item = (u16, bool)> {
+        let clusters = self.in_second.iter().copied();
+        self.present.iter().copied().zip(clusters)
+    }
+
+    /// The targets c_0 and c_1.
+    pub fn centres(&self) -> [u16; 2] {
+        [self.present[self.centres[0]], self.present[self.centres[1]]]
+    }
+
+    /// The distance e of the target at a place to the centre of the other cluster.
+    fn to_other_centre(&self, place: usize) -> f64 {
+        let other = self.centres[usize::from(!self.in_second[place])];
+        self.among[place * self.present.len() + other]
+    }
+}
+
+struct Scan<'a> {
+    clusters: NodeClusters<'a>,
+    /// Lane 1 holds -e for C_0 and +e for C_1.
+    rows: Rows<2>,
+    total: [f64; 2],
+    histogram: Histogram<2>,
+}
+
+impl NodeScan for Scan<'_> {
+    fn enter(&mut self, members: &[Member]) -> bool {
+        if !self.clusters.find(members) {
+            return false;
+        }
+        let clusters = &self.clusters;
+        let places = 0..clusters.present.len();
+        let largest = places.map(|place| clusters.to_other_centre(place));
+        let scale = f64::from(LANE_MAX) / largest.fold(0.0, f64::max);
+        for (place, (target, second)) in clusters.targets().enumerate() {
+            let e = (clusters.to_other_centre(place) * scale).round() as i32;
+            let delta = if second { e } else { -e };
+            self.rows.set(usize::from(target), [1, delta]);
+        }
+        self.total = self.rows.total(members);
+        true
+    }
+
+    fn best_cut(&mut self, members: &[Member], codes: &[u8], min_leaf: u32) -> Option<Cut> {
+        let Self { rows, total, .. } = self;
+        self.histogram
+            .best_cut(rows, total, members, codes, min_leaf, right_samples)
+    }
+}
+
+/// |delta(S_l) - delta(S_r)|.
+#[inline(always)]
+fn right_samples(left: &[f64; 2], total: &[f64; 2]) -> f64 {
+    (2.0 * left[1] - total[1]).abs()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::random::{below, normal, stream};
+
+    fn poses(count: usize, seed: u64) -> DistanceMatrix {
+        let mut s = stream(seed, "poses", &[]);
+        let points: Vec<f64> = (0..2 * count).map(|_| normal(&mut s)).collect();
+        DistanceMatrix::euclidean(&points, 2)
+    }
+
+    /// Eqs. 7 to 9 as they stand, over samples of weight 1: the smaller sum of both assignments.
+    fn by_definition(
+        distances: &DistanceMatrix,
+        samples: &[u16],
+        goes_left: &[bool],
+        second: impl Fn(u16) -> bool,
+    ) -> f64 {
+        let d = |a: u16, b: u16| distances.get(usize::from(a), usize::from(b));
+        let central = |cluster: bool| {
+            let set = samples.iter().copied().filter(|&s| second(s) == cluster);
+            let set: Vec<u16> = set.collect();
+            let sum = |s: u16| set.iter().map(|&other| d(s, other)).sum::<f64>();
+            let best = set
+                .iter()
+                .copied()
+                .min_by(|&a, &b| sum(a).total_cmp(&sum(b)));
+            best.unwrap()
+        };
+        let centres = [central(false), central(true)];
+        let wrong = |left: bool| {
+            let sum_of = |&(&s, &goes_left): &(&u16, &bool)| {
+                let meant = if goes_left { left } else { !left };
+                let distance = d(s, centres[usize::from(meant)]);
+                if second(s) == meant { 0.0 } else { distance }
+            };
+            samples
+                .iter()
+                .zip(goes_left)
+                .map(|s| sum_of(&s))
+                .sum::<f64>()
+        };
+        wrong(false).min(wrong(true))
+    }
+
+    #[test]
+    fn scores_are_those_of_the_definition_for_every_cut() {
+        for (seed, count) in [2usize, 3, 5, 8, 20].into_iter().enumerate() {
+            let distances = poses(count, seed as u64);
+            let mut s = stream(seed as u64, "members", &[]);
+            let members: Vec<Member> = (0..4 * count as u32)
+                .map(|sample| Member {
+                    sample,
+                    target: match sample as usize {
+                        early if early < count => early,
+                        _ => below(&mut s, count),
+                    } as u16,
+                    weight: 1 + below(&mut s, 3) as u16,
+                })
+                .collect();
+            let samples: Vec<u16> = (members.iter())
+                .flat_map(|m| std::iter::repeat_n(m.target, usize::from(m.weight)))
+                .collect();
+            let objective = wsc(&distances).unwrap();
+            let mut scan = objective.scan(3);
+            assert!(scan.enter(&members));
+            let mut clusters = NodeClusters::new(&distances);
+            assert!(clusters.find(&members));
+            let second: Vec<bool> = clusters.targets().map(|(_, second)| second).collect();
+            let second = |target: u16| second[usize::from(target)];
+            // 1/2 sum(e), and what a whole number is worth.
+            let [c0, c1] = clusters.centres().map(usize::from);
+            let e = |target: u16| match second(target) {
+                true => distances.get(usize::from(target), c0),
+                false => distances.get(usize::from(target), c1),
+            };
+            let half: f64 = samples.iter().map(|&s| e(s) / 2.0).sum();
+            let unit = samples.iter().map(|&s| e(s)).fold(0.0, f64::max) / f64::from(LANE_MAX);
+
+            let bins: Vec<u8> = members.iter().map(|_| below(&mut s, 10) as u8).collect();
+            let mut best: Option<(u8, f64)> = None;
+            for cut in 0..9 {
+                let codes: Vec<u8> = bins.iter().map(|&bin| u8::from(bin > cut)).collect();
+                let goes_left: Vec<bool> = (members.iter().zip(&codes))
+                    .flat_map(|(m, &code)| std::iter::repeat_n(code == 0, m.weight.into()))
+                    .collect();
+                let Some(found) = scan.best_cut(&members, &codes, 1) else {
+                    assert!(codes.iter().all(|&code| code == codes[0]));
+                    continue;
+                };
+                let expected = by_definition(&distances, &samples, &goes_left, second);
+                let ours = half - found.score * unit / 2.0;
+                let rounding = unit * samples.len() as f64;
+                assert!((ours - expected).abs() < rounding, "{ours} {expected}");
+                if bins.contains(&cut) && best.is_none_or(|best| found.score > best.1) {
+                    best = Some((cut, found.score));
+                }
+            }
+            let found = scan.best_cut(&members, &bins, 1);
+            assert_eq!(found.map(|cut| (cut.left, cut.score)), best);
+        }
+    }
+
+    /// Whatever was in the nodes before.
+    #[test]
+    fn a_weight_is_a_repetition_and_the_order_does_not_matter() {
+        let distances = poses(30, 7);
+        let objective = wsc(&distances).unwrap();
+        let mut scan = objective.scan(4);
+        let mut s = stream(8, "members", &[]);
+        for _ in 0..20 {
+            let member = |sample| Member {
+                sample,
+                target: below(&mut s, 30) as u16,
+                weight: 1 + below(&mut s, 4) as u16,
+            };
+            let members: Vec<Member> = (0..40).map(member).collect();
+            let codes: Vec<u8> = (0..40).map(|_| below(&mut s, 256) as u8).collect();
+            assert!(scan.enter(&members));
+            let cut = scan.best_cut(&members, &codes, 3);
+            let once = |(member, &code): (&Member, &u8)| {
+                let once = Member {
+                    weight: 1,
+                    ..*member
+                };
+                std::iter::repeat_n((once, code), usize::from(member.weight))
+            };
+            let repeated = members.iter().zip(&codes).rev().flat_map(once);
+            let (repeated, codes): (Vec<_>, Vec<_>) = repeated.unzip();
+            assert!(scan.enter(&repeated));
+            assert_eq!(scan.best_cut(&repeated, &codes, 3), cut);
+        }
+    }
+
+    #[test]
+    fn a_node_of_one_pose_is_a_leaf() {
+        let distances = DistanceMatrix::euclidean(&[1.0, 1.0, 4.0], 1);
+        let objective = wsc(&distances).unwrap();
+        let mut scan = objective.scan(1);
+        let member = |target| Member {
+            sample: 0,
+            target,
+            weight: 1,
+        };
+        for (targets, splits) in [([0, 0], false), ([0, 1], false), ([1, 2], true)] {
+            assert_eq!(scan.enter(&targets.map(member)), splits);
+        }
+        assert_eq!(objective.impurity(&[0, 2].map(member)), 9.0);
+        let infinite = DistanceMatrix::new(2, |_, _| f64::INFINITY);
+        assert!(wsc(&infinite).is_err());
+    }
+}
