@@ -1,16 +1,14 @@
 //! Weighted spectral clustering-based split (section III-B3, eqs. 7-9).
 //!
-//! The samples of a node are clustered into C_0 and C_1, and a split is scored by the samples that
-//! it sends to the wrong side. Let e(s) be the distance of a sample to the central sample of the
-//! *other* cluster (eq. 8). Where C_0 is meant to go left, H(S_l) + H(S_r) is the sum of e over what
-//! C_1 has on the left and C_0 on the right; where C_1 is meant to go left, it is the rest of the
-//! node's sum of e. So the smaller of both is
+//! The samples of a node are clustered into C_0 and C_1, and a split is judged by the samples that
+//! it sends to the wrong side: each counts with its distance to the central sample of the cluster
+//! whose side it is on (eqs. 7, 8). Which cluster is meant to go left is found by trying both; the
+//! smaller H(S_l) + H(S_r) decides. The score is that of eq. 1, in which each side's H counts by the
+//! side's share of the samples.
 //!
-//! 1/2 sum(e) - 1/2 |delta(S_l) - delta(S_r)|, with delta = sum of -e over C_0 and of +e over C_1,
-//!
-//! and the split to choose is that of the largest |delta(S_l) - delta(S_r)|. The paper writes the
-//! plain sum of both sides, and so do we: unlike in eq. 1 they are not weighted by their sizes,
-//! which sums of distances have in them already.
+//! Section III-B says that eq. 1 holds for all objectives, but can also be read so that the plain
+//! sum is the score. The sum alone is least, wherever features do not tell the clusters apart, for a
+//! cut that sends nearly all samples one way: trees become chains thousands of nodes deep.
 
 use super::histogram::{Histogram, LANE_MAX, Rows};
 use super::pairs::mspd_impurity;
@@ -51,11 +49,11 @@ impl Objective for Wsc<'_> {
     }
 
     fn scan(&self, max_weight: u16) -> Box<dyn NodeScan + '_> {
-        let nothing = vec![[1, 0]; self.distances.count()];
+        let nothing = vec![[1, 0, 0, 0]; self.distances.count()];
         Box::new(Scan {
             clusters: NodeClusters::new(self.distances),
             rows: Rows::new(&nothing, max_weight),
-            total: [0.0; 2],
+            total: [0.0; LANES],
             histogram: Histogram::default(),
         })
     }
@@ -162,12 +160,15 @@ impl<'a> NodeClusters<'a> {
     }
 }
 
+/// A multiple of what vectors hold.
+const LANES: usize = 4;
+
 struct Scan<'a> {
     clusters: NodeClusters<'a>,
-    /// Lane 1 holds -e for C_0 and +e for C_1.
-    rows: Rows<2>,
-    total: [f64; 2],
-    histogram: Histogram<2>,
+    /// Lane 1 + i holds, for targets in C_i, the distance to the centre of the other cluster.
+    rows: Rows<LANES>,
+    total: [f64; LANES],
+    histogram: Histogram<LANES>,
 }
 
 impl NodeScan for Scan<'_> {
@@ -176,13 +177,15 @@ impl NodeScan for Scan<'_> {
             return false;
         }
         let clusters = &self.clusters;
-        let places = 0..clusters.present.len();
-        let largest = places.map(|place| clusters.to_other_centre(place));
-        let scale = f64::from(LANE_MAX) / largest.fold(0.0, f64::max);
+        let mut largest = 0.0;
+        for place in 0..clusters.present.len() {
+            largest = f64::max(largest, clusters.to_other_centre(place));
+        }
+        let scale = f64::from(LANE_MAX) / largest;
         for (place, (target, second)) in clusters.targets().enumerate() {
-            let e = (clusters.to_other_centre(place) * scale).round() as i32;
-            let delta = if second { e } else { -e };
-            self.rows.set(usize::from(target), [1, delta]);
+            let mut row = [1, 0, 0, 0];
+            row[1 + usize::from(second)] = (clusters.to_other_centre(place) * scale).round() as i32;
+            self.rows.set(usize::from(target), row);
         }
         self.total = self.rows.total(members);
         true
@@ -191,14 +194,22 @@ impl NodeScan for Scan<'_> {
     fn best_cut(&mut self, members: &[Member], codes: &[u8], min_leaf: u32) -> Option<Cut> {
         let Self { rows, total, .. } = self;
         self.histogram
-            .best_cut(rows, total, members, codes, min_leaf, right_samples)
+            .best_cut(rows, total, members, codes, min_leaf, less_is_wrong)
     }
 }
 
-/// |delta(S_l) - delta(S_r)|.
+/// -(|S_l| H(S_l) + |S_r| H(S_r)). With whole numbers below 2^53 it is exact in nodes of up to half a
+/// million samples, and the same for a split and its mirror image.
 #[inline(always)]
-fn right_samples(left: &[f64; 2], total: &[f64; 2]) -> f64 {
-    (2.0 * left[1] - total[1]).abs()
+fn less_is_wrong(left: &[f64; LANES], total: &[f64; LANES]) -> f64 {
+    let right = [total[0] - left[0], total[1] - left[1], total[2] - left[2]];
+    // With C_0 on the left, what C_1 has there and C_0 on the right is wrong; and the reverse.
+    let variant = |wrong_left: f64, wrong_right: f64| {
+        let weighted = left[0] * wrong_left + right[0] * wrong_right;
+        (wrong_left + wrong_right, weighted)
+    };
+    let (one, other) = (variant(left[2], right[1]), variant(left[1], right[2]));
+    -if other < one { other.1 } else { one.1 }
 }
 
 #[cfg(test)]
@@ -212,7 +223,7 @@ mod tests {
         DistanceMatrix::euclidean(&points, 2)
     }
 
-    /// Eqs. 7 to 9 as they stand, over samples of weight 1: the smaller sum of both assignments.
+    /// Eqs. 7 to 9 as they stand, over samples of weight 1, and n times the loss of eq. 1.
     fn by_definition(
         distances: &DistanceMatrix,
         samples: &[u16],
@@ -231,19 +242,21 @@ mod tests {
             best.unwrap()
         };
         let centres = [central(false), central(true)];
+        // H of both sides when C_0 or when C_1 is meant to go left.
         let wrong = |left: bool| {
-            let sum_of = |&(&s, &goes_left): &(&u16, &bool)| {
-                let meant = if goes_left { left } else { !left };
-                let distance = d(s, centres[usize::from(meant)]);
-                if second(s) == meant { 0.0 } else { distance }
+            let side = |is_left: bool| {
+                let meant = left == is_left;
+                let on_side = samples.iter().zip(goes_left);
+                let on_side = on_side.filter(|(_, goes_left)| **goes_left == is_left);
+                let wrong = on_side.clone().filter(|(s, _)| second(**s) != meant);
+                let sum: f64 = wrong.map(|(&s, _)| d(s, centres[usize::from(meant)])).sum();
+                (sum, on_side.count() as f64)
             };
-            samples
-                .iter()
-                .zip(goes_left)
-                .map(|s| sum_of(&s))
-                .sum::<f64>()
+            let ((l, n_l), (r, n_r)) = (side(true), side(false));
+            (l + r, n_l * l + n_r * r)
         };
-        wrong(false).min(wrong(true))
+        let (one, other) = (wrong(false), wrong(true));
+        if one.0 < other.0 { one.1 } else { other.1 }
     }
 
     #[test]
@@ -271,13 +284,12 @@ mod tests {
             assert!(clusters.find(&members));
             let second: Vec<bool> = clusters.targets().map(|(_, second)| second).collect();
             let second = |target: u16| second[usize::from(target)];
-            // 1/2 sum(e), and what a whole number is worth.
+            // What a whole number is worth.
             let [c0, c1] = clusters.centres().map(usize::from);
             let e = |target: u16| match second(target) {
                 true => distances.get(usize::from(target), c0),
                 false => distances.get(usize::from(target), c1),
             };
-            let half: f64 = samples.iter().map(|&s| e(s) / 2.0).sum();
             let unit = samples.iter().map(|&s| e(s)).fold(0.0, f64::max) / f64::from(LANE_MAX);
 
             let bins: Vec<u8> = members.iter().map(|_| below(&mut s, 10) as u8).collect();
@@ -292,8 +304,8 @@ mod tests {
                     continue;
                 };
                 let expected = by_definition(&distances, &samples, &goes_left, second);
-                let ours = half - found.score * unit / 2.0;
-                let rounding = unit * samples.len() as f64;
+                let ours = -found.score * unit;
+                let rounding = unit * (samples.len() as f64).powi(2) / 2.0;
                 assert!((ours - expected).abs() < rounding, "{ours} {expected}");
                 if bins.contains(&cut) && best.is_none_or(|best| found.score > best.1) {
                     best = Some((cut, found.score));
