@@ -2,10 +2,10 @@
 //!
 //! An objective is one file here, and one line of [`OBJECTIVES`]. It implements [`Objective`] and
 //! hands the grower a [`NodeScan`], which is asked at every node for the best cut of one feature
-//! after the other. Where the score depends on sums over samples only, [`histogram::Histogram`] does the counting and the objective
-//! gives a row of integers for each target and a score of two sums; [`mse`] is an example. One that
-//! needs to look at the whole node before it scores (to cluster it, say) does so in
-//! [`NodeScan::enter`].
+//! after the other. Where the score depends on sums over samples only, [`histogram::Histogram`] does
+//! the counting and the objective gives a row of integers for each target and a score of two sums;
+//! [`mse`] is an example. One that needs to look at the whole node before it scores does so in
+//! [`NodeScan::enter`]; [`wsc`] clusters it.
 
 pub mod histogram;
 pub mod mpmse;
@@ -26,9 +26,10 @@ use serde::{Deserialize, Deserializer, Serialize, Serializer, de::Error};
 
 /// All objectives that can be asked for by name: the paper's in its order, then ours. Maps have the
 /// paper's parameters.
-pub static OBJECTIVES: [ObjectiveKind; 5] = [
+pub static OBJECTIVES: [ObjectiveKind; 6] = [
     of_poses("mse", "MSE", mse::mse),
     of_distances("mspd", "MSPD", mspd::mspd),
+    of_distances("wsc", "WSC", wsc::wsc),
     of_distances("tsne", "MPMSE tSNE", |d| {
         mpmse(tsne(d, tsne_spec(2, 40.0, d))?, 2)
     }),
