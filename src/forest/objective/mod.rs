@@ -157,3 +157,66 @@ pub struct Cut {
     /// Larger is better. Comparable within one node: eq. 1 up to what is constant there.
     pub score: f64,
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::random::{below, normal, stream};
+    use std::collections::BTreeSet;
+
+    /// Whatever is in the list can be named, can be made of poses, and finds the split that parts
+    /// two clouds of them.
+    #[test]
+    fn every_objective_parts_what_lies_apart() {
+        let ids: BTreeSet<&str> = OBJECTIVES.iter().map(|kind| kind.id).collect();
+        assert_eq!(ids.len(), OBJECTIVES.len());
+        const TARGETS: usize = 24;
+        let mut random = stream(1, "two clouds", &[]);
+        let far = |target: usize| if target < TARGETS / 2 { 0.0 } else { 50.0 };
+        let values = (0..TARGETS * 3).map(|at| far(at / 3) + normal(&mut random));
+        let values: Vec<f64> = values.collect();
+        let distances = DistanceMatrix::euclidean(&values, 3);
+        let poses = TargetTable::new(3, values).unwrap();
+        let members: Vec<Member> = (0..200)
+            .map(|sample| Member {
+                sample,
+                target: below(&mut random, TARGETS) as u16,
+                weight: 1 + below(&mut random, 2) as u16,
+            })
+            .collect();
+        let side = |member: &Member| usize::from(member.target) / (TARGETS / 2);
+        let codes: Vec<u8> = members.iter().map(|m| 9 + 100 * side(m) as u8).collect();
+        let noise: Vec<u8> = members
+            .iter()
+            .map(|_| below(&mut random, 200) as u8)
+            .collect();
+        for kind in &OBJECTIVES {
+            let objective = match kind.make {
+                Make::OfPoses(make) => make(&poses),
+                Make::OfDistances(make) => make(&distances),
+            };
+            let objective = objective.unwrap();
+            assert_eq!(objective.targets(), TARGETS);
+            let mut scan = objective.scan(2);
+            assert!(scan.enter(&members), "{}", kind.id);
+            let cut = scan.best_cut(&members, &codes, 1).unwrap();
+            assert_eq!((cut.left, cut.right), (9, 109), "{}", kind.id);
+            let other = scan.best_cut(&members, &noise, 1).unwrap();
+            assert!(cut.score > other.score, "{}", kind.id);
+            let left: Vec<Member> = members.iter().copied().filter(|m| side(m) == 0).collect();
+            assert!(objective.impurity(&left) < 0.5 * objective.impurity(&members));
+        }
+    }
+
+    #[test]
+    fn objectives_are_read_and_written_by_name() {
+        for kind in &OBJECTIVES {
+            let text = serde_json::to_string(kind).unwrap();
+            let read: &'static ObjectiveKind = serde_json::from_str(&text).unwrap();
+            assert!(std::ptr::eq(read, kind));
+        }
+        let unknown = serde_json::from_str::<&'static ObjectiveKind>("\"msd\"").unwrap_err();
+        let message = unknown.to_string();
+        assert!(message.starts_with("unknown variant `msd`, expected one of `mse`"));
+    }
+}
