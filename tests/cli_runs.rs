@@ -23,6 +23,10 @@ impl Repository {
         ] {
             copy(&here.join(name), &repository.path(name));
         }
+        let fig9 = fs::read_to_string(repository.path("experiments/fig9.toml")).unwrap();
+        let objectives = fig9.lines().find(|l| l.starts_with("objectives = "));
+        let one = "objectives = [\"mspd\"]";
+        repository.edit("experiments/fig9.toml", objectives.unwrap(), one);
         repository.edit(
             "experiments/fig9.toml",
             "[smoke]\nprotocol.images = 20",
@@ -132,7 +136,7 @@ fn a_misspelt_key_is_shown_where_it_is() {
         format!(
             "{file}:{number}:1: unknown field `objectvies`, expected one of `objectives`, `t_r`, \
              `protocol`; did you mean `objectives`?\n\
-             {margin} |\n{number} | objectvies = [\"mse\"]\n{margin} | ^^^^^^^^^^\n"
+             {margin} |\n{number} | objectvies = [\"mspd\"]\n{margin} | ^^^^^^^^^^\n"
         )
     );
 
@@ -186,8 +190,8 @@ fn a_plan_runs_nothing_and_writes_nothing() {
     assert_eq!(output.status.code(), Some(0), "{}", text(&output.stderr));
     let plan = text(&output.stdout);
     let total = plan.lines().last().unwrap();
-    // The set, and for each fold a forest and its estimates.
-    assert!(total.starts_with("7 to run, 0 cached; about "), "{plan}");
+    // The set, the distances, and for each fold a forest and its estimates.
+    assert!(total.starts_with("8 to run, 0 cached; about "), "{plan}");
     assert_eq!(
         names(repository.0.path()),
         ["Cargo.toml", "data", "experiments"]

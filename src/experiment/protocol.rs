@@ -157,9 +157,13 @@ impl CrossValidation {
     }
 }
 
-/// An objective has the same colour in every figure.
+/// An objective has the same colour in every figure. Those beyond the palette take colours again,
+/// beginning after those of WSC and t-SNE, beside which they stand.
 pub fn colour(objective: &ObjectiveKind) -> usize {
-    objective.place() % FLOOR_COLOUR
+    match objective.place() {
+        place if place < FLOOR_COLOUR => place,
+        place => (place + 4) % FLOOR_COLOUR,
+    }
 }
 
 /// The colour of the constant pose: black.

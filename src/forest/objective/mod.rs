@@ -15,28 +15,25 @@ pub mod mspd_published;
 mod pairs;
 pub mod wsc;
 
-use self::mpmse::mpmse;
 use super::ForestError;
 use super::grow::{Member, TargetTable};
 use crate::distances::DistanceMatrix;
-use crate::pose_space::classical_scaling::classical_scaling;
-use crate::pose_space::kernel_pca::kernel_pca;
-use crate::pose_space::tsne::{TsneSpec, tsne};
 use serde::{Deserialize, Deserializer, Serialize, Serializer, de::Error};
 
-/// All objectives that can be asked for by name: the paper's in its order, then ours. Maps have the
-/// paper's parameters.
-pub static OBJECTIVES: [ObjectiveKind; 6] = [
+/// All objectives that can be asked for by name: the paper's in its order and with its parameters,
+/// then ours, then variants of the study `variants`.
+pub static OBJECTIVES: [ObjectiveKind; 11] = [
     of_poses("mse", "MSE", mse::mse),
     of_distances("mspd", "MSPD", mspd::mspd),
     of_distances("wsc", "WSC", wsc::wsc),
-    of_distances("tsne", "MPMSE tSNE", |d| {
-        mpmse(tsne(d, tsne_spec(2, 40.0, d))?, 2)
-    }),
-    of_distances("kpca", "MPMSE KPCA", |d| {
-        mpmse(kernel_pca(d, 10.0, 10)?, 10)
-    }),
-    of_distances("mds", "MPMSE MDS", |d| mpmse(classical_scaling(d, 10)?, 10)),
+    of_distances("tsne", "MPMSE tSNE", |d| mpmse::tsne(d, 2, 40.0)),
+    of_distances("kpca", "MPMSE KPCA", |d| mpmse::kpca(d, 10, 10.0)),
+    of_distances("mds", "MPMSE MDS", |d| mpmse::mds(d, 10)),
+    of_distances("wsc-count", "WSC, counting", wsc::wsc_count),
+    of_distances("tsne-d3", "tSNE, d = 3", |d| mpmse::tsne(d, 3, 40.0)),
+    of_distances("tsne-d10", "tSNE, d = 10", |d| mpmse::tsne(d, 10, 40.0)),
+    of_distances("tsne-p10", "tSNE, p = 10", |d| mpmse::tsne(d, 2, 10.0)),
+    of_distances("tsne-p20", "tSNE, p = 20", |d| mpmse::tsne(d, 2, 20.0)),
 ];
 
 /// An entry of [`OBJECTIVES`]. Study files and recipes hold its `id`.
@@ -76,16 +73,6 @@ const fn of_distances(
 ) -> ObjectiveKind {
     let make = Make::OfDistances(make);
     ObjectiveKind { id, title, make }
-}
-
-/// t-SNE with at most a third of the other poses for neighbours: with more there is no choice.
-fn tsne_spec(dimensions: usize, perplexity: f64, distances: &DistanceMatrix) -> TsneSpec {
-    let others = distances.count() as f64 - 1.0;
-    TsneSpec {
-        dimensions,
-        perplexity: perplexity.min(others / 3.0),
-        degrees_of_freedom: 1,
-    }
 }
 
 impl ObjectiveKind {

@@ -12,7 +12,7 @@
 
 use super::histogram::{Histogram, LANE_MAX, Rows};
 use super::pairs::mspd_impurity;
-use super::{Cut, NodeScan, Objective};
+use super::{Cut, Made, NodeScan, Objective};
 use crate::distances::DistanceMatrix;
 use crate::forest::ForestError;
 use crate::forest::grow::Member;
@@ -20,7 +20,16 @@ use crate::pose_space::spectral::TwoClusters;
 
 /// Target t of a sample is row t of `distances`. Splits are chosen on distances rounded to 15 bits
 /// of the node's largest e; [`Objective::impurity`] is eq. 6, as the paper has it for leaves.
-pub fn wsc(distances: &DistanceMatrix) -> Result<Box<dyn Objective + '_>, ForestError> {
+pub fn wsc(distances: &DistanceMatrix) -> Made<'_> {
+    with_worth(distances, |distance| distance)
+}
+
+/// The simpler method that the paper decides against: H is the number of wrong samples.
+pub fn wsc_count(distances: &DistanceMatrix) -> Made<'_> {
+    with_worth(distances, |_| 1.0)
+}
+
+fn with_worth(distances: &DistanceMatrix, worth: fn(f64) -> f64) -> Made<'_> {
     let targets = distances.count();
     let most = usize::from(u16::MAX) + 1;
     if targets > most {
@@ -36,11 +45,13 @@ pub fn wsc(distances: &DistanceMatrix) -> Result<Box<dyn Objective + '_>, Forest
             return Err(ForestError::NotFinite { target, column });
         }
     }
-    Ok(Box::new(Wsc { distances }))
+    Ok(Box::new(Wsc { distances, worth }))
 }
 
 struct Wsc<'a> {
     distances: &'a DistanceMatrix,
+    /// How bad a wrong sample is, by its distance to the centre of the cluster whose side it is on.
+    worth: fn(f64) -> f64,
 }
 
 impl Objective for Wsc<'_> {
@@ -52,6 +63,7 @@ impl Objective for Wsc<'_> {
         let nothing = vec![[1, 0, 0, 0]; self.distances.count()];
         Box::new(Scan {
             clusters: NodeClusters::new(self.distances),
+            worth: self.worth,
             rows: Rows::new(&nothing, max_weight),
             total: [0.0; LANES],
             histogram: Histogram::default(),
@@ -165,7 +177,8 @@ const LANES: usize = 4;
 
 struct Scan<'a> {
     clusters: NodeClusters<'a>,
-    /// Lane 1 + i holds, for targets in C_i, the distance to the centre of the other cluster.
+    worth: fn(f64) -> f64,
+    /// Lane 1 + i holds, for targets in C_i, how bad they are on the side of the other cluster.
     rows: Rows<LANES>,
     total: [f64; LANES],
     histogram: Histogram<LANES>,
@@ -177,14 +190,15 @@ impl NodeScan for Scan<'_> {
             return false;
         }
         let clusters = &self.clusters;
+        let worth = |place: usize| (self.worth)(clusters.to_other_centre(place));
         let mut largest = 0.0;
         for place in 0..clusters.present.len() {
-            largest = f64::max(largest, clusters.to_other_centre(place));
+            largest = f64::max(largest, worth(place));
         }
         let scale = f64::from(LANE_MAX) / largest;
         for (place, (target, second)) in clusters.targets().enumerate() {
             let mut row = [1, 0, 0, 0];
-            row[1 + usize::from(second)] = (clusters.to_other_centre(place) * scale).round() as i32;
+            row[1 + usize::from(second)] = (worth(place) * scale).round() as i32;
             self.rows.set(usize::from(target), row);
         }
         self.total = self.rows.total(members);
@@ -229,6 +243,7 @@ mod tests {
         samples: &[u16],
         goes_left: &[bool],
         second: impl Fn(u16) -> bool,
+        worth: fn(f64) -> f64,
     ) -> f64 {
         let d = |a: u16, b: u16| distances.get(usize::from(a), usize::from(b));
         let central = |cluster: bool| {
@@ -249,7 +264,8 @@ mod tests {
                 let on_side = samples.iter().zip(goes_left);
                 let on_side = on_side.filter(|(_, goes_left)| **goes_left == is_left);
                 let wrong = on_side.clone().filter(|(s, _)| second(**s) != meant);
-                let sum: f64 = wrong.map(|(&s, _)| d(s, centres[usize::from(meant)])).sum();
+                let centre = centres[usize::from(meant)];
+                let sum: f64 = wrong.map(|(&s, _)| worth(d(s, centre))).sum();
                 (sum, on_side.count() as f64)
             };
             let ((l, n_l), (r, n_r)) = (side(true), side(false));
@@ -261,6 +277,14 @@ mod tests {
 
     #[test]
     fn scores_are_those_of_the_definition_for_every_cut() {
+        scores_are_those_of_the_definition(wsc, |distance| distance);
+        scores_are_those_of_the_definition(wsc_count, |_| 1.0);
+    }
+
+    fn scores_are_those_of_the_definition(
+        make: fn(&DistanceMatrix) -> Made<'_>,
+        worth: fn(f64) -> f64,
+    ) {
         for (seed, count) in [2usize, 3, 5, 8, 20].into_iter().enumerate() {
             let distances = poses(count, seed as u64);
             let mut s = stream(seed as u64, "members", &[]);
@@ -277,7 +301,7 @@ mod tests {
             let samples: Vec<u16> = (members.iter())
                 .flat_map(|m| std::iter::repeat_n(m.target, usize::from(m.weight)))
                 .collect();
-            let objective = wsc(&distances).unwrap();
+            let objective = make(&distances).unwrap();
             let mut scan = objective.scan(3);
             assert!(scan.enter(&members));
             let mut clusters = NodeClusters::new(&distances);
@@ -287,8 +311,8 @@ mod tests {
             // What a whole number is worth.
             let [c0, c1] = clusters.centres().map(usize::from);
             let e = |target: u16| match second(target) {
-                true => distances.get(usize::from(target), c0),
-                false => distances.get(usize::from(target), c1),
+                true => worth(distances.get(usize::from(target), c0)),
+                false => worth(distances.get(usize::from(target), c1)),
             };
             let unit = samples.iter().map(|&s| e(s)).fold(0.0, f64::max) / f64::from(LANE_MAX);
 
@@ -303,7 +327,7 @@ mod tests {
                     assert!(codes.iter().all(|&code| code == codes[0]));
                     continue;
                 };
-                let expected = by_definition(&distances, &samples, &goes_left, second);
+                let expected = by_definition(&distances, &samples, &goes_left, second, worth);
                 let ours = -found.score * unit;
                 let rounding = unit * (samples.len() as f64).powi(2) / 2.0;
                 assert!((ours - expected).abs() < rounding, "{ours} {expected}");
