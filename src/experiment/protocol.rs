@@ -243,3 +243,36 @@ impl<'a> Ruler<'a> {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::random::{stream, uniform};
+    use std::f64::consts::TAU;
+
+    #[test]
+    fn errors_of_a_pose_hang_together() {
+        let robot = Path::new(env!("CARGO_MANIFEST_DIR")).join("data/robots/arm/robot.toml");
+        let rig = Rig::read(&robot).unwrap();
+        let arm = rig.arm("right").unwrap();
+        let ruler = Ruler::new(&rig, arm).unwrap();
+        let mut random = stream(1, "ruler", &[]);
+        let mut pose = || -> Vec<f64> {
+            let joints = ruler.joints().iter();
+            joints.map(|_| uniform(&mut random, -1.0, 1.0)).collect()
+        };
+        for _ in 0..20 {
+            let (truth, estimate) = (pose(), pose());
+            let error = ruler.measure(&truth, &estimate);
+            assert!(
+                (15.0 * error.all_deg - 7.0 * error.arm_deg - 8.0 * error.hand_deg).abs() < 1e-9
+            );
+            assert!(error.all_deg <= error.rms_deg);
+            // The tip is a point of the arm.
+            assert!(0.0 < error.tip_m && error.tip_m <= error.disp_m);
+            let turned: Vec<f64> = truth.iter().map(|angle| angle + TAU).collect();
+            let none = ruler.measure(&truth, &turned);
+            assert!(none.rms_deg < 1e-9 && none.disp_m < 1e-9 && none.tip_m < 1e-9);
+        }
+    }
+}

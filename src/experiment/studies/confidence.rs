@@ -346,3 +346,65 @@ fn bounds_constant(images: &Images, share: f64) -> (Verdict, String) {
         .collect();
     (verdict, format!("sd of {} of the range", named.join(", ")))
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::estimator::image::{ImageEstimate, ThresholdEstimate};
+    use crate::random::unit;
+
+    /// 30 images in 3 folds, whose forests' confidences lie apart by `offset`; the mean confidence
+    /// rises with the visible pixels.
+    fn images(offset: f32) -> Images {
+        let mut random = stream(1, "confidences", &[]);
+        let mut outcome = |image: usize| {
+            let low = offset * (image % 3) as f32 + 0.1 * unit(&mut random) as f32;
+            let thresholds = vec![ThresholdEstimate {
+                pose: Vec::new(),
+                pixels: 1000,
+                foreground: 2 * image,
+            }];
+            Outcome {
+                image,
+                fold: image % 3,
+                truth: Vec::new(),
+                estimate: ImageEstimate {
+                    min_confidence: low,
+                    mean_confidence: f64::from(offset) * (image % 3) as f64 + 0.01 * image as f64,
+                    max_confidence: 4.0,
+                    thresholds,
+                },
+                constant: Vec::new(),
+                valid: 1000,
+                visible: image,
+            }
+        };
+        let outcomes = (0..30).map(&mut outcome).collect();
+        Images::new(ObjectiveKind::named("mse").unwrap(), outcomes, 90)
+    }
+
+    #[test]
+    fn the_scale_of_a_forest_does_not_count() {
+        let (alike, apart) = (images(0.0), images(1.0));
+        for quantity in 0..QUANTITIES.len() {
+            let (one, other) = (alike.spread_of_all(quantity), apart.spread_of_all(quantity));
+            assert!((one - other).abs() < 1e-6, "{one} {other}");
+        }
+        // The threshold lies nine tenths of the way from the minimum to the maximum.
+        let (low, threshold) = (alike.spread_of_all(MINIMUM), alike.spread_of_all(1));
+        assert!((threshold - 0.1 * low).abs() < 1e-7 && alike.spread_of_all(MAXIMUM) == 0.0);
+        let rises = apart.correlation(MEAN, &apart.visible, 1);
+        assert!(rises.mean > 0.9 && rises.low > 0.5 && rises.high <= 1.0);
+    }
+
+    #[test]
+    fn bounds_are_judged_by_their_share_of_the_range() {
+        let images = images(0.0);
+        let range = 4.0 - mean(&images.values[MINIMUM]);
+        let share = images.spread_of_all(MINIMUM) / range;
+        let verdict = |factor: f64| bounds_constant(&images, factor * share).0;
+        assert_eq!(verdict(1.01), Verdict::Reproduced);
+        assert_eq!(verdict(0.99), Verdict::Partly);
+        assert_eq!(verdict(0.33), Verdict::Not);
+    }
+}
