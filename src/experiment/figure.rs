@@ -59,6 +59,8 @@ pub struct Axis {
     pub include: Option<(f64, f64)>,
     /// Names at the positions 0, 1, 2, ... instead of numbers.
     pub categories: Vec<String>,
+    /// One unit is as long here as on the other axis.
+    pub to_scale: bool,
 }
 
 impl Axis {
@@ -77,6 +79,14 @@ impl Axis {
     pub fn including(self, low: f64, high: f64) -> Axis {
         Axis {
             include: Some((low, high)),
+            ..self
+        }
+    }
+
+    /// Makes one unit as long as on the other axis.
+    pub fn to_scale(self) -> Axis {
+        Axis {
+            to_scale: true,
             ..self
         }
     }
@@ -121,6 +131,18 @@ pub enum Shape {
     },
     /// A horizontal line over the whole width, named in place: a floor or ceiling.
     Level(f64),
+    /// Filled polygons with an outline.
+    Areas(Vec<Vec<(f64, f64)>>),
+    /// Pictures with their centres at points. One that would lie on an earlier one, or across the
+    /// edge of the plot, is left out for a dot.
+    Pictures(Vec<((f64, f64), Picture)>),
+}
+
+/// Rows of pixels, two of them to each pixel of the figure across and down.
+#[derive(Debug, Clone)]
+pub struct Picture {
+    pub width: usize,
+    pub pixels: Vec<[u8; 3]>,
 }
 
 impl Mark {
@@ -311,6 +333,30 @@ mod tests {
                 Shape::Bars((0..6).map(|i| (f64::from(i) - 2.0, None)).collect()),
             )],
         };
+        let picture = |x: f64, y: f64, grey: u8| {
+            let (width, pixels) = (80, vec![[grey; 3]; 80 * 60]);
+            ((x, y), Picture { width, pixels })
+        };
+        // The second lies on the first and the last across the edge.
+        let pictures = vec![
+            picture(0.2, 0.5, 100),
+            picture(0.22, 0.52, 150),
+            picture(0.8, 0.5, 200),
+            picture(0.5, 1.0, 50),
+        ];
+        let to_scale = Plot {
+            title: "Pictures and areas, to scale".to_owned(),
+            x: Axis::new("x (m)").including(0.0, 1.0).to_scale(),
+            y: Axis::new("y (m)").including(0.0, 1.0),
+            marks: vec![
+                Mark::new(
+                    "a square",
+                    5,
+                    Shape::Areas(vec![vec![(0.4, 0.4), (0.6, 0.4), (0.6, 0.6), (0.4, 0.6)]]),
+                ),
+                Mark::new("no room", 1, Shape::Pictures(pictures)),
+            ],
+        };
         Figure {
             title: "Everything that a figure can hold".to_owned(),
             caption: "Bands and error bars are one standard deviation over 5 folds; the dashed line is the constant pose that a method must beat, and this caption is long enough to need two lines.".to_owned(),
@@ -321,9 +367,10 @@ mod tests {
                 Panel::Plot(histogram),
                 Panel::Depth(depth),
                 Panel::Plot(long_names),
+                Panel::Plot(to_scale),
             ],
             columns: 3,
-            size: (1800, 1200),
+            size: (1800, 1700),
         }
     }
 
@@ -346,6 +393,8 @@ mod tests {
         ] {
             assert!(svg.contains(text), "{text}");
         }
+        // The depth image, its scale, and two of four pictures.
+        assert_eq!(svg.matches("data:image/png").count(), 4);
     }
 
     #[test]

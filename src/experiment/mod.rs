@@ -37,6 +37,9 @@ pub fn kinds() -> Vec<study_file::Kind> {
     vec![
         study_file::Kind::new("confidence", confidence::define),
         study_file::Kind::new("cross-validation", cross_validation::define),
+        study_file::Kind::new("map-quality", map_quality::define),
+        study_file::Kind::new("metric-example", metric_example::define),
+        study_file::Kind::new("pose-map", pose_map::define),
         study_file::Kind::new("sensor", sensor::define),
         study_file::Kind::new("sets", sets::define),
         study_file::Kind::new("threshold-sweep", threshold_sweep::define),

@@ -11,8 +11,8 @@ pub struct TsneSpec {
     pub dimensions: usize,
     /// The effective number of neighbours.
     pub perplexity: f64,
-    /// nu of the t-distribution in the map: 1 in the paper of 2008 for any number of dimensions;
-    /// later ones take `dimensions - 1` beyond two.
+    /// nu of the t-distribution in the map, at least 1: always 1 in the paper of 2008, `dimensions - 1`
+    /// in van der Maaten (2009).
     pub degrees_of_freedom: u32,
 }
 
@@ -41,7 +41,7 @@ pub fn tsne(distances: &DistanceMatrix, spec: TsneSpec) -> Result<Vec<f64>, MapE
 }
 
 /// t-SNE from a start of one's own, a row for each thing, whose scale does not matter. Panics when
-/// it is not of that size.
+/// it is not of that size, or without degrees of freedom.
 pub fn tsne_from(
     distances: &DistanceMatrix,
     spec: TsneSpec,
@@ -49,6 +49,7 @@ pub fn tsne_from(
 ) -> Result<Vec<f64>, MapError> {
     let (count, width) = (distances.count(), spec.dimensions);
     assert_eq!(start.len(), count * width, "coordinates to start from");
+    assert!(spec.degrees_of_freedom > 0, "degrees of freedom");
     let joint = joint_probabilities(distances, spec.perplexity)?;
     let mut points = start;
     centre(&mut points, width);
@@ -82,14 +83,20 @@ fn descend(joint: &[f64], spec: TsneSpec, points: &mut [f64], iterations: usize)
     }
 }
 
+/// Whether each of `count` things can have that many neighbours. It takes more others than that, for
+/// with all of them alike there is no bandwidth.
+pub fn require_perplexity(perplexity: f64, count: usize) -> Result<(), MapError> {
+    match perplexity >= 1.0 && perplexity + 1.0 < count as f64 {
+        true => Ok(()),
+        false => Err(MapError::Perplexity { perplexity, count }),
+    }
+}
+
 /// p_ij = (p_j|i + p_i|j) / 2n, both halves, row by row.
 fn joint_probabilities(distances: &DistanceMatrix, perplexity: f64) -> Result<Vec<f64>, MapError> {
     require_finite(distances)?;
     let count = distances.count();
-    // An entropy of ln(n - 1) has no bandwidth.
-    if !(perplexity >= 1.0 && perplexity + 1.0 < count as f64) {
-        return Err(MapError::Perplexity { perplexity, count });
-    }
+    require_perplexity(perplexity, count)?;
     let mut conditional = vec![0.0; count * count];
     for (i, row) in conditional.chunks_exact_mut(count).enumerate() {
         let squares = distances.row(i).iter().map(|d| d * d);

@@ -69,6 +69,20 @@ impl Scale {
         share.is_finite().then(|| share.clamp(0.0, 1.0))
     }
 
+    /// The same with a range of `length`, around the same middle.
+    pub fn widened(self, length: f64) -> Scale {
+        let room = (length - self.length()) / 2.0;
+        Scale {
+            low: self.low - room,
+            high: self.high + room,
+            log: self.log,
+        }
+    }
+
+    pub fn length(&self) -> f64 {
+        self.high - self.low
+    }
+
     /// About `count` labelled ticks at round values.
     pub fn ticks(&self, count: usize) -> Vec<Tick> {
         if self.log {
@@ -125,13 +139,16 @@ impl Scale {
 pub fn scales(x: &Axis, y: &Axis, marks: &[Mark]) -> (Scale, Scale) {
     let (mut xs, mut ys) = (Vec::new(), Vec::new());
     for mark in marks {
+        let mut push = |(x, y): (f64, f64)| {
+            xs.push(x);
+            ys.push(y);
+        };
         match &mark.shape {
             Shape::Line(points) | Shape::Dashed(points) | Shape::Scatter(points) => {
-                for (x, y) in points {
-                    xs.push(*x);
-                    ys.push(*y);
-                }
+                points.iter().for_each(|&point| push(point));
             }
+            Shape::Areas(areas) => areas.iter().flatten().for_each(|&point| push(point)),
+            Shape::Pictures(pictures) => pictures.iter().for_each(|(point, _)| push(*point)),
             Shape::Band(points) | Shape::Errors(points) => {
                 for (x, low, high) in points {
                     xs.push(*x);
@@ -178,6 +195,16 @@ mod tests {
         assert_eq!(labels(log, 5), ["1", "10", "100", "1000"]);
         let short = Scale::new(&Axis::new("x").log(), [1.0, 20.0].into_iter());
         assert_eq!(labels(short, 5), ["1", "2", "5", "10", "20"]);
+    }
+
+    #[test]
+    fn a_widened_scale_keeps_its_middle() {
+        let scale = Scale::new(&Axis::new("x"), [0.0, 41.3].into_iter());
+        let wide = scale.widened(100.0);
+        assert!((wide.length() - 100.0).abs() < 1e-12);
+        let middle = scale.length() / 2.0; // begins at zero
+        assert!((wide.share(middle).unwrap() - 0.5).abs() < 1e-12);
+        assert!((wide.share(middle + 25.0).unwrap() - 0.75).abs() < 1e-12);
     }
 
     #[test]

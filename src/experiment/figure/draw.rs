@@ -114,8 +114,12 @@ pub fn colour(index: usize, alpha: f64) -> RGBAColor {
 
 fn draw_plot<DB: DrawingBackend>(plot: &Plot, cell: Area, canvas: &Canvas<DB>) -> Drawn {
     let (x, y) = scales(&plot.x, &plot.y, &plot.marks);
-    let y_ticks = named_ticks(&plot.y, &y, (cell.height() / 75.0) as usize);
-    let x_ticks = named_ticks(&plot.x, &x, (cell.width() / 110.0) as usize);
+    let ticks = |x: &Scale, y: &Scale| {
+        let across = named_ticks(&plot.x, x, (cell.width() / 110.0) as usize);
+        let up = named_ticks(&plot.y, y, (cell.height() / 75.0) as usize);
+        (across, up)
+    };
+    let (mut x_ticks, mut y_ticks) = ticks(&x, &y);
     let widest = |ticks: &[Tick]| {
         let labels = ticks.iter().filter_map(|t| t.label.as_deref());
         labels.map(|l| text_width(l, TICK)).fold(0.0, f64::max)
@@ -124,10 +128,13 @@ fn draw_plot<DB: DrawingBackend>(plot: &Plot, cell: Area, canvas: &Canvas<DB>) -
     let right = cell.right - 22.0;
     // Names of categories are broken into lines, or stand upright where a word is too wide.
     let slot = (right - left) / plot.x.categories.len().max(1) as f64 - 8.0;
-    let x_lines: Vec<Vec<String>> = x_ticks
-        .iter()
-        .map(|tick| wrap(tick.label.as_deref().unwrap_or(""), TICK, slot))
-        .collect();
+    let lines_of = |ticks: &[Tick]| -> Vec<Vec<String>> {
+        let labels = ticks.iter().map(|tick| tick.label.as_deref());
+        labels
+            .map(|label| wrap(label.unwrap_or(""), TICK, slot))
+            .collect()
+    };
+    let mut x_lines = lines_of(&x_ticks);
     let words = x_lines.iter().flatten();
     let is_upright =
         !plot.x.categories.is_empty() && words.clone().any(|line| text_width(line, TICK) > slot);
@@ -142,7 +149,7 @@ fn draw_plot<DB: DrawingBackend>(plot: &Plot, cell: Area, canvas: &Canvas<DB>) -
     } else {
         1.5 * LABEL
     };
-    let frame = Frame {
+    let mut frame = Frame {
         area: Area {
             left,
             right,
@@ -158,6 +165,14 @@ fn draw_plot<DB: DrawingBackend>(plot: &Plot, cell: Area, canvas: &Canvas<DB>) -
         y,
     };
     let area = frame.area;
+    if plot.x.to_scale || plot.y.to_scale {
+        // The axis that has room shows more.
+        let unit = (x.length() / area.width()).max(y.length() / area.height());
+        frame.x = x.widened(unit * area.width());
+        frame.y = y.widened(unit * area.height());
+        (x_ticks, y_ticks) = ticks(&frame.x, &frame.y);
+        x_lines = lines_of(&x_ticks);
+    }
     let middle = (area.left + area.right) / 2.0;
     canvas.text(
         &plot.title,

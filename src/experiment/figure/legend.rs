@@ -73,6 +73,12 @@ fn key<DB: DrawingBackend>(mark: &Mark, (x, y): Point, width: f64, canvas: &Canv
         }
         Shape::Errors(_) => error_bar((middle, y - 10.0), y + 10.0, solid, canvas),
         Shape::Scatter(_) => canvas.dot((middle, y), 5.0, solid),
+        Shape::Pictures(_) => canvas.dot((middle, y), 3.5, solid),
+        Shape::Areas(_) => {
+            let (from, to) = ((x + 8.0, y - 9.0), (x + width - 8.0, y + 9.0));
+            canvas.rectangle(from, to, colour(mark.colour, 0.25))?;
+            canvas.frame(from, to, colour(mark.colour, 0.7))
+        }
         Shape::Bars(_) | Shape::Histogram { .. } => {
             canvas.rectangle((x + 8.0, y - 9.0), (x + width - 8.0, y + 9.0), solid)
         }

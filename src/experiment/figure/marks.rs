@@ -3,7 +3,7 @@
 use super::axes::Scale;
 use super::canvas::{Canvas, Drawn, Point, text_width};
 use super::draw::{Area, RIGHT, TICK, colour};
-use super::{Mark, Plot, Shape};
+use super::{Mark, Picture, Plot, Shape};
 use plotters::prelude::DrawingBackend;
 use plotters::style::RGBAColor;
 
@@ -103,7 +103,68 @@ pub fn draw<DB: DrawingBackend>(
             )?;
             canvas.text(&mark.label, (right, middle), TICK, RIGHT, false)
         }
+        Shape::Areas(areas) => areas.iter().try_for_each(|area| {
+            let mut corners = places(area);
+            canvas.polygon(&corners, colour(mark.colour, 0.25))?;
+            corners.extend(corners.first().copied());
+            canvas.line(&corners, colour(mark.colour, 0.7), 1.0)
+        }),
+        Shape::Pictures(pictures) => draw_pictures(pictures, solid, frame, canvas),
     }
+}
+
+fn draw_pictures<DB: DrawingBackend>(
+    pictures: &[(Point, Picture)],
+    solid: RGBAColor,
+    frame: &Frame,
+    canvas: &Canvas<DB>,
+) -> Drawn {
+    const GAP: f64 = 3.0;
+    let mut taken: Vec<Area> = Vec::new();
+    let mut dots = Vec::new();
+    for (point, picture) in pictures {
+        let Some((x, y)) = frame.at(*point) else {
+            continue;
+        };
+        let rows = picture.pixels.len() / picture.width.max(1);
+        let (width, height) = (picture.width / 2, rows / 2);
+        let (left, top) = (
+            (x - width as f64 / 2.0).round(),
+            (y - height as f64 / 2.0).round(),
+        );
+        let place = Area {
+            left,
+            top,
+            right: left + width as f64,
+            bottom: top + height as f64,
+        };
+        let is_inside = place.left > frame.area.left
+            && place.right < frame.area.right
+            && place.top > frame.area.top
+            && place.bottom < frame.area.bottom;
+        let is_covered = |other: &Area| {
+            place.left < other.right + GAP
+                && other.left < place.right + GAP
+                && place.top < other.bottom + GAP
+                && other.top < place.bottom + GAP
+        };
+        if !is_inside || taken.iter().any(is_covered) {
+            dots.push((x, y));
+            continue;
+        }
+        canvas.picture((left, top), (width, height), |across, down| {
+            let column = (across * picture.width as f64) as usize;
+            let row = (down * rows as f64) as usize;
+            picture.pixels[row * picture.width + column]
+        })?;
+        taken.push(place);
+    }
+    // On top, so that none is hidden.
+    for dot in dots {
+        canvas.dot(dot, 5.0, RGBAColor(255, 255, 255, 1.0))?;
+        canvas.dot(dot, 3.5, solid)?;
+    }
+    Ok(())
 }
 
 /// The bars of one mark stand side by side with those of the plot's other marks.

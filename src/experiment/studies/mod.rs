@@ -2,6 +2,9 @@
 
 pub mod confidence;
 pub mod cross_validation;
+pub mod map_quality;
+pub mod metric_example;
+pub mod pose_map;
 pub mod sensor;
 pub mod sets;
 pub mod threshold_sweep;

@@ -4,4 +4,5 @@ pub mod data_set;
 pub mod distances;
 pub mod estimates;
 pub mod pose_forest;
+pub mod pose_maps;
 pub mod training_times;
