@@ -177,6 +177,8 @@ fn bootstrap(samples: usize, random: &mut Stream) -> Vec<u16> {
 
 /// A copy of so much of the matrix stays in the second-level cache.
 const BLOCK_BYTES: usize = 1 << 20;
+/// Samples that are turned from rows into columns together: a cache line of each column.
+const TILE: usize = 64;
 
 /// Grows one tree on the samples whose weight is not zero. A node of up to `small` samples is
 /// copied, with all features, into a block in which it and all below it are grown.
@@ -265,17 +267,27 @@ struct Block {
     /// The rows of the matrix that were copied; empty when the block is not in use.
     samples: Vec<u32>,
     codes: Vec<u8>,
+    /// Some rows, turned into columns.
+    tile: Vec<[u8; TILE]>,
 }
 
 impl Block {
     fn copy(&mut self, data: &BinnedMatrix, members: &mut [Member]) {
+        let count = members.len();
         self.samples.extend(members.iter().map(|m| m.sample));
-        self.codes.resize(members.len() * data.features(), 0);
-        for (place, member) in members.iter_mut().enumerate() {
-            let row = data.row(member.sample as usize);
-            let column = self.codes[place..].iter_mut().step_by(self.samples.len());
-            column.zip(row).for_each(|(to, &code)| *to = code);
-            member.sample = place as u32;
+        self.codes.resize(count * data.features(), 0);
+        self.tile.resize(data.features(), [0; TILE]);
+        for (i, group) in members.chunks_mut(TILE).enumerate() {
+            for (turn, member) in group.iter_mut().enumerate() {
+                let row = data.row(member.sample as usize);
+                for (column, &code) in self.tile.iter_mut().zip(row) {
+                    column[turn] = code;
+                }
+                member.sample = (i * TILE + turn) as u32;
+            }
+            for (column, tile) in self.codes.chunks_exact_mut(count).zip(&self.tile) {
+                column[i * TILE..][..group.len()].copy_from_slice(&tile[..group.len()]);
+            }
         }
     }
 
@@ -332,10 +344,11 @@ impl Grower<'_> {
             self.features.swap(drawn, pick);
             let feature = self.features[drawn];
             let column = self.block.column(self.data, feature);
+            let first = column[members[0].sample as usize];
             let mut differ = 0;
             for (code, member) in codes.iter_mut().zip(members) {
                 *code = column[member.sample as usize];
-                differ |= *code ^ column[members[0].sample as usize];
+                differ |= *code ^ first;
             }
             if differ == 0 {
                 continue;

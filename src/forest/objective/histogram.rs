@@ -7,11 +7,14 @@
 use super::super::bins::BINS;
 use super::super::grow::Member;
 use super::Cut;
+use super::cells::bits;
+use super::vectorized::vectorized;
+use std::ops::AddAssign;
 
 /// The largest magnitude of a row's integer.
 pub const LANE_MAX: i32 = 32_767;
 /// As much weight as `i32` sums can take without overflow.
-const NARROW: u64 = 65_536;
+const NARROW: i32 = 65_536;
 
 /// The rows of all targets, for each weight a sample can have.
 #[derive(Debug, Clone)]
@@ -40,112 +43,147 @@ impl<const L: usize> Rows<L> {
     }
 
     #[inline(always)]
-    fn of(&self, member: Member) -> &[i32; L] {
-        &self.weighted[(usize::from(member.weight) - 1) * self.targets + usize::from(member.target)]
-    }
-
-    /// The sum over a node.
-    pub fn total(&self, members: &[Member]) -> [f64; L] {
-        let mut total = [0i64; L];
-        for &member in members {
-            let row = self.of(member);
-            (0..L).for_each(|lane| total[lane] += i64::from(row[lane]));
-        }
-        total.map(|lane| lane as f64)
+    fn place(&self, member: Member) -> usize {
+        (usize::from(member.weight) - 1) * self.targets + usize::from(member.target)
     }
 }
 
-/// Memory for the sums of one feature at one node. Between calls all of it is zero.
+/// Memory for the sums of one feature at one node. Between calls its sums are zero.
 pub struct Histogram<const L: usize> {
+    /// The row of each member of the node.
+    places: Vec<u32>,
     sums: Box<[[i32; L]; BINS]>,
     /// Where sums go that `i32` cannot hold: integers below 2^53 are exact in `f64`.
     wide: Box<[[f64; L]; BINS]>,
-    /// One bit a bin: whether any sample fell into it.
-    occupied: [u64; BINS / 64],
+    /// 1 for each bin that any sample fell into.
+    occupied: [u8; BINS],
 }
 
 impl<const L: usize> Default for Histogram<L> {
     fn default() -> Self {
         Self {
+            places: Vec::new(),
             sums: Box::new([[0; L]; BINS]),
             wide: Box::new([[0.0; L]; BINS]),
-            occupied: [0; BINS / 64],
+            occupied: [0; BINS],
         }
     }
 }
 
 impl<const L: usize> Histogram<L> {
+    /// A new node. Returns the sum over it.
+    pub fn enter(&mut self, rows: &Rows<L>, members: &[Member]) -> [f64; L] {
+        self.places.clear();
+        let mut total = [0i64; L];
+        for &member in members {
+            let place = rows.place(member);
+            let row = &rows.weighted[place];
+            (0..L).for_each(|lane| total[lane] += i64::from(row[lane]));
+            self.places.push(place as u32);
+        }
+        total.map(|lane| lane as f64)
+    }
+
     /// The best cut of a feature by `score(left, total)`, as [`super::NodeScan::best_cut`] wants it.
+    /// `rows` and `total` are those of [`Self::enter`]; `score` must be `#[inline(always)]`.
     pub fn best_cut(
         &mut self,
         rows: &Rows<L>,
         total: &[f64; L],
-        members: &[Member],
+        codes: &[u8],
+        min_leaf: u32,
+        score: impl Fn(&[f64; L], &[f64; L]) -> f64 + Copy,
+    ) -> Option<Cut> {
+        vectorized(
+            #[inline(always)]
+            || self.sum_and_sweep(rows, total, codes, min_leaf, score),
+        )
+    }
+
+    #[inline(always)]
+    fn sum_and_sweep(
+        &mut self,
+        rows: &Rows<L>,
+        total: &[f64; L],
         codes: &[u8],
         min_leaf: u32,
         score: impl Fn(&[f64; L], &[f64; L]) -> f64,
     ) -> Option<Cut> {
+        let Self {
+            places,
+            sums,
+            wide,
+            occupied,
+        } = self;
+        let (sums, rows) = (&mut **sums, &rows.weighted[..]);
         if total[0] <= NARROW as f64 {
-            self.add(rows, members, codes);
-            return sweep(&mut self.sums, &mut self.occupied, total, min_leaf, score);
+            add(sums, occupied, rows, places, codes);
+            return sweep(sums, occupied, total, min_leaf, score);
         }
+        let wide = &mut **wide;
         let mut from = 0;
-        while from < members.len() {
+        while from < places.len() {
             let mut weight = 0;
-            let chunk = members[from..].iter().take_while(|member| {
-                weight += u64::from(member.weight);
+            let chunk = places[from..].iter().take_while(|&&place| {
+                weight += rows[place as usize][0];
                 weight <= NARROW
             });
             let to = from + chunk.count();
-            self.add(rows, &members[from..to], &codes[from..to]);
-            for (wide, sums) in self.wide.iter_mut().zip(&mut *self.sums) {
+            add(sums, occupied, rows, &places[from..to], &codes[from..to]);
+            for (wide, sums) in wide.iter_mut().zip(&mut *sums) {
                 (0..L).for_each(|lane| wide[lane] += f64::from(sums[lane]));
                 *sums = [0; L];
             }
             from = to;
         }
-        sweep(&mut self.wide, &mut self.occupied, total, min_leaf, score)
+        sweep(wide, occupied, total, min_leaf, score)
     }
+}
 
-    #[inline(always)]
-    fn add(&mut self, rows: &Rows<L>, members: &[Member], codes: &[u8]) {
-        for (&member, &code) in members.iter().zip(codes) {
-            let bin = usize::from(code);
-            let row = rows.of(member);
-            let sums = &mut self.sums[bin];
-            (0..L).for_each(|lane| sums[lane] += row[lane]);
-            self.occupied[bin / 64] |= 1 << (bin % 64);
-        }
+#[inline(always)]
+fn add<const L: usize>(
+    sums: &mut [[i32; L]; BINS],
+    occupied: &mut [u8; BINS],
+    rows: &[[i32; L]],
+    places: &[u32],
+    codes: &[u8],
+) {
+    for (&place, &code) in places.iter().zip(codes) {
+        let row = &rows[place as usize];
+        let sums = &mut sums[usize::from(code)];
+        (0..L).for_each(|lane| sums[lane] += row[lane]);
+        occupied[usize::from(code)] = 1;
     }
 }
 
 /// Moves one occupied bin after the other from the right to the left and keeps the best place to
 /// stop. Leaves the memory zero.
 #[inline(always)]
-fn sweep<T: Copy + Default + Into<f64>, const L: usize>(
+fn sweep<T: Copy + Default + AddAssign + Into<f64>, const L: usize>(
     sums: &mut [[T; L]; BINS],
-    occupied: &mut [u64; BINS / 64],
+    occupied: &mut [u8; BINS],
     total: &[f64; L],
     min_leaf: u32,
     score: impl Fn(&[f64; L], &[f64; L]) -> f64,
 ) -> Option<Cut> {
     let min_leaf = f64::from(min_leaf.max(1));
     let most_left = total[0] - min_leaf;
-    let mut left = [0.0; L];
+    let mut left = [T::default(); L];
     let mut best: Option<Cut> = None;
     // The best cut so far still lacks the bin that follows it.
     let mut follows = false;
-    for (word, bits) in occupied.iter_mut().enumerate() {
-        while *bits != 0 {
+    for (word, mut bits) in bits(occupied).into_iter().enumerate() {
+        while bits != 0 {
             let bin = 64 * word + bits.trailing_zeros() as usize;
-            *bits &= *bits - 1;
+            bits &= bits - 1;
             if follows && let Some(cut) = &mut best {
                 cut.right = bin as u8;
             }
             follows = false;
             let sums = &mut sums[bin];
-            (0..L).for_each(|lane| left[lane] += sums[lane].into());
+            (0..L).for_each(|lane| left[lane] += sums[lane]);
             *sums = [T::default(); L];
+            let left = left.map(Into::into);
             if left[0] < min_leaf || left[0] > most_left {
                 continue;
             }
@@ -160,6 +198,7 @@ fn sweep<T: Copy + Default + Into<f64>, const L: usize>(
             }
         }
     }
+    *occupied = [0; BINS];
     best
 }
 
@@ -197,18 +236,18 @@ mod tests {
                 (0..4).for_each(|lane| expected[lane] += i64::from(weight) * row[lane]);
             }
         }
-        let total = rows.total(&members);
         let mut histogram = Histogram::default();
+        let total = histogram.enter(&rows, &members);
         // A score that prefers the second cut and shows what it is of.
         let seen = std::cell::Cell::new([0.0; 4]);
         let score = |left: &[f64; 4], _: &[f64; 4]| {
             seen.set(*left);
             left[0]
         };
-        let cut = histogram.best_cut(&rows, &total, &members, &codes, 1, score);
+        let cut = histogram.best_cut(&rows, &total, &codes, 1, score);
         assert_eq!(seen.get(), expected.map(|lane| lane as f64));
         assert_eq!(cut.map(|cut| (cut.left, cut.right)), Some((100, 200)));
-        assert_eq!(histogram.occupied, [0; 4]);
+        assert_eq!(histogram.occupied, [0; BINS]);
         assert_eq!(*histogram.wide, [[0.0; 4]; BINS]);
         assert_eq!(*histogram.sums, [[0; 4]; BINS]);
     }

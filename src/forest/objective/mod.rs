@@ -7,12 +7,14 @@
 //! [`mse`] is an example. One that needs to look at the whole node before it scores does so in
 //! [`NodeScan::enter`]; [`wsc`] clusters it.
 
+mod cells;
 pub mod histogram;
 pub mod mpmse;
 pub mod mse;
 pub mod mspd;
 pub mod mspd_published;
 mod pairs;
+mod vectorized;
 pub mod wsc;
 
 use super::ForestError;

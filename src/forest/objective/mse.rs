@@ -103,17 +103,17 @@ struct Scan<'a, const L: usize> {
 
 impl<const L: usize> NodeScan for Scan<'_, L> {
     fn enter(&mut self, members: &[Member]) -> bool {
-        self.total = self.weighted.total(members);
+        self.total = self.histogram.enter(&self.weighted, members);
         let row = |member: &Member| &self.rows[usize::from(member.target)];
         members.iter().any(|member| row(member) != row(&members[0]))
     }
 
-    fn best_cut(&mut self, members: &[Member], codes: &[u8], min_leaf: u32) -> Option<Cut> {
+    fn best_cut(&mut self, _: &[Member], codes: &[u8], min_leaf: u32) -> Option<Cut> {
         let Self {
             weighted, total, ..
         } = self;
         self.histogram
-            .best_cut(weighted, total, members, codes, min_leaf, variance_removed)
+            .best_cut(weighted, total, codes, min_leaf, variance_removed)
     }
 }
 
@@ -123,10 +123,14 @@ impl<const L: usize> NodeScan for Scan<'_, L> {
 #[inline(always)]
 fn variance_removed<const L: usize>(left: &[f64; L], total: &[f64; L]) -> f64 {
     let (n, n_left) = (total[0], left[0]);
+    let (left, _) = left.as_chunks::<4>();
+    let (total, _) = total.as_chunks::<4>();
     let mut squares = [0.0; 4];
-    for lane in 0..L {
-        let d = n * left[lane] - n_left * total[lane];
-        squares[lane % 4] += d * d;
+    for (left, total) in left.iter().zip(total) {
+        for lane in 0..4 {
+            let d = n * left[lane] - n_left * total[lane];
+            squares[lane] += d * d;
+        }
     }
-    ((squares[0] + squares[1]) + (squares[2] + squares[3])) / (n_left * (n - n_left))
+    ((squares[0] + squares[2]) + (squares[1] + squares[3])) / (n_left * (n - n_left))
 }

@@ -1,17 +1,20 @@
 //! Mean squared pairwise DISP (eq. 6), exactly and about as fast as the mean squared error.
 //!
-//! With c_a samples of target a and G = D^2 c, the sum over all pairs is c^T D^2 c = c . G. The
-//! samples move from right to left in the order of their bins; of the left side the products
-//! g = D^2 c_l are kept, one number for each target that is present in the node. A sample of weight
-//! w and target a adds 2 w g_a to the left side's sum of pairs, and w times row a of D^2 to g. The
-//! right side's sum is that of the node minus 2 c_l . G plus that of the left side.
+//! With c_a samples of target a and G = D^2 c, the sum over all pairs of a node is c . G. Samples
+//! move from right to left in the order of their bins, those of one target and bin together. Of the
+//! left side's counts c_l the products g = D^2 c_l are kept, one number for each target that is
+//! present in the node: what w samples of target a add to c_l . g is 2 w g_a, and to g it is w times
+//! row a of D^2. The sum over the pairs of the right side is c . G - 2 c_l . G + c_l . g.
 
 use super::super::bins::BINS;
+use super::cells::{Cells, Present};
 use super::pairs::{SquaredDistances, mean_of_pairs, mspd_impurity};
 use super::{Cut, NodeScan, Objective};
 use crate::distances::DistanceMatrix;
 use crate::forest::ForestError;
 use crate::forest::grow::Member;
+use pulp::{Arch, Simd, WithSimd};
+use std::ops::{Add, Sub};
 
 /// Eq. 6. Target t of a sample is row t of `distances`. Splits are the same as those of
 /// [`mspd_published`](super::mspd_published::mspd_published), scores and ties too.
@@ -35,16 +38,18 @@ impl Objective for Mspd<'_> {
     fn scan(&self, _max_weight: u16) -> Box<dyn NodeScan + '_> {
         Box::new(Scan {
             squared: &self.squared,
-            place: vec![ABSENT; self.squared.targets()],
-            present: Vec::new(),
-            places: Vec::new(),
+            present: Present::new(self.squared.targets()),
+            cells: Cells::default(),
             rows: Vec::new(),
             products: Vec::new(),
             left: Vec::new(),
-            weight: 0,
+            weight: 0.0,
             pairs: 0,
-            first: [NONE; BINS],
-            next: Vec::new(),
+            cuts: Box::new(Cuts {
+                weights: [0.0; BINS],
+                pairs: [[0.0; BINS]; 2],
+                scores: [0.0; BINS],
+            }),
         })
     }
 
@@ -53,129 +58,198 @@ impl Objective for Mspd<'_> {
     }
 }
 
-/// Numbers that are added together.
+/// Rows of D^2 are filled up with zeros to a multiple of the widest vector.
 const LANES: usize = 8;
-const ABSENT: u32 = u32::MAX;
-const NONE: u32 = u32::MAX;
 
-/// Whole numbers below 2^53, for which `f64` is exact: a sum of D^2 over up to 2^21 samples.
-type Lanes = [f64; LANES];
+/// D^2 has 32 bits and `f64` is exact for whole numbers up to 2^53: for sums of D^2 over two million
+/// samples, and for sums over all pairs of a node of up to this weight.
+const NARROW: f64 = 1440.0;
 
 struct Scan<'a> {
     squared: &'a SquaredDistances,
-    /// The place of each target among those present in the node.
-    place: Vec<u32>,
-    present: Vec<u16>,
-    /// The place of each member's target.
-    places: Vec<u32>,
-    /// D^2 between the targets present, row by row, filled up with zeros to whole lanes.
-    rows: Vec<Lanes>,
-    /// G, by place.
-    products: Vec<u64>,
+    present: Present,
+    cells: Cells,
+    /// D^2 between the targets present, row by row.
+    rows: Vec<f64>,
+    /// G.
+    products: Vec<f64>,
     /// g.
-    left: Vec<Lanes>,
-    /// Of the node.
-    weight: u64,
+    left: Vec<f64>,
+    /// Of the node, and over all its pairs.
+    weight: f64,
     pairs: i128,
-    /// The members of each bin, as chains: the first of a bin and the next of a member.
-    first: [u32; BINS],
-    next: Vec<u32>,
+    cuts: Box<Cuts>,
+}
+
+/// After each occupied bin.
+struct Cuts {
+    /// Of the left side.
+    weights: [f64; BINS],
+    /// Over the pairs of the left and of the right side.
+    pairs: [[f64; BINS]; 2],
+    scores: [f64; BINS],
+}
+
+/// A number that holds sums over pairs.
+trait Whole: Copy + Default + Add<Output = Self> + Sub<Output = Self> {
+    /// Whether [`Self::to_f64`] costs time.
+    const SLOW: bool;
+    fn product(a: f64, b: f64) -> Self;
+    fn to_f64(self) -> f64;
+}
+
+impl Whole for f64 {
+    const SLOW: bool = false;
+
+    #[inline(always)]
+    fn product(a: f64, b: f64) -> Self {
+        a * b
+    }
+
+    #[inline(always)]
+    fn to_f64(self) -> f64 {
+        self
+    }
+}
+
+impl Whole for i128 {
+    const SLOW: bool = true;
+
+    #[inline(always)]
+    fn product(a: f64, b: f64) -> Self {
+        i128::from(a as i64) * i128::from(b as i64)
+    }
+
+    #[inline(always)]
+    fn to_f64(self) -> f64 {
+        self as f64
+    }
 }
 
 impl NodeScan for Scan<'_> {
     fn enter(&mut self, members: &[Member]) -> bool {
-        for target in self.present.drain(..) {
-            self.place[usize::from(target)] = ABSENT;
-        }
-        self.places.clear();
-        let mut counts: Vec<u64> = Vec::new();
-        for member in members {
-            let place = &mut self.place[usize::from(member.target)];
-            if *place == ABSENT {
-                *place = self.present.len() as u32;
-                self.present.push(member.target);
-                counts.push(0);
-            }
-            counts[*place as usize] += u64::from(member.weight);
-            self.places.push(*place);
-        }
+        self.present.enter(members);
+        let (targets, counts) = (self.present.targets(), self.present.weights());
         self.rows.clear();
         self.products.clear();
-        for &target in &self.present {
+        (self.weight, self.pairs) = (0.0, 0);
+        for (&target, &count) in targets.iter().zip(counts) {
             let row = self.squared.row(target);
-            let to = |&other: &u16| row[usize::from(other)];
-            for others in self.present.chunks(LANES) {
-                let mut lanes = [0.0; LANES];
-                for (lane, other) in lanes.iter_mut().zip(others) {
-                    *lane = f64::from(to(other));
-                }
-                self.rows.push(lanes);
-            }
-            let products = self.present.iter().zip(&counts);
-            self.products
-                .push(products.map(|(other, c)| c * u64::from(to(other))).sum());
+            let distances = targets.iter().map(|&other| row[usize::from(other)]);
+            self.rows.extend(distances.clone().map(f64::from));
+            let full = self.rows.len().next_multiple_of(LANES);
+            self.rows.resize(full, 0.0);
+            let products = distances
+                .zip(counts)
+                .map(|(d, &c)| f64::from(d) * f64::from(c));
+            let product = products.sum();
+            self.products.push(product);
+            self.weight += f64::from(count);
+            self.pairs += i128::product(f64::from(count), product);
         }
-        self.weight = counts.iter().sum();
-        let products = self.products.iter().zip(&counts);
-        self.pairs = products.map(|(&g, &c)| i128::from(g) * i128::from(c)).sum();
-        self.next.resize(self.next.len().max(members.len()), NONE);
+        self.left.resize(targets.len().next_multiple_of(LANES), 0.0);
+        self.cells.enter(&self.present, members);
         self.pairs > 0
     }
 
-    fn best_cut(&mut self, members: &[Member], codes: &[u8], min_leaf: u32) -> Option<Cut> {
-        for (i, &code) in codes.iter().enumerate() {
-            let first = &mut self.first[usize::from(code)];
-            self.next[i] = *first;
-            *first = i as u32;
-        }
-        let stride = self.present.len().div_ceil(LANES);
-        self.left.clear();
-        self.left.resize(stride, [0.0; LANES]);
-        let least = u64::from(min_leaf.max(1));
-        let (mut weight, mut pairs, mut cross) = (0, 0i128, 0i128);
-        let mut best: Option<Cut> = None;
-        let mut follows = false;
-        for bin in 0..BINS {
-            let mut at = std::mem::replace(&mut self.first[bin], NONE);
-            if at == NONE {
-                continue;
-            }
-            if follows && let Some(cut) = &mut best {
-                cut.right = bin as u8;
-            }
-            follows = false;
-            while at != NONE {
-                let i = at as usize;
-                let place = self.places[i] as usize;
-                let w = u64::from(members[i].weight);
-                weight += w;
-                let g = self.left[place / LANES][place % LANES] as u64;
-                pairs += i128::from(2 * w * g);
-                cross += i128::from(w * self.products[place]);
-                let row = &self.rows[place * stride..(place + 1) * stride];
-                for (sums, lanes) in self.left.iter_mut().zip(row) {
-                    (0..LANES).for_each(|lane| sums[lane] += w as f64 * lanes[lane]);
-                }
-                at = self.next[i];
-            }
-            if weight < least || self.weight - weight < least {
-                continue;
-            }
-            let right = self.pairs - 2 * cross + pairs;
-            let score = mean_of_pairs([weight, self.weight - weight], [pairs, right]);
-            if best.is_none_or(|best| score > best.score) {
-                follows = true;
-                best = Some(Cut {
-                    left: bin as u8,
-                    right: bin as u8,
-                    score,
-                });
-            }
-        }
-        let worth = self.squared.worth(self.weight);
-        best.map(|cut| Cut {
-            score: worth * cut.score,
+    fn best_cut(&mut self, _: &[Member], codes: &[u8], min_leaf: u32) -> Option<Cut> {
+        let cut = Arch::new().dispatch(BestCut {
+            scan: self,
+            codes,
+            min_leaf,
+        })?;
+        Some(Cut {
+            score: self.squared.worth(self.weight) * cut.score,
             ..cut
+        })
+    }
+}
+
+struct BestCut<'s, 'a> {
+    scan: &'s mut Scan<'a>,
+    codes: &'s [u8],
+    min_leaf: u32,
+}
+
+impl WithSimd for BestCut<'_, '_> {
+    type Output = Option<Cut>;
+
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, simd: S) -> Option<Cut> {
+        self.scan.cells.sort(self.codes);
+        if self.scan.weight <= NARROW {
+            self.scan.sweep(simd, self.scan.pairs as f64, self.min_leaf)
+        } else {
+            self.scan.sweep(simd, self.scan.pairs, self.min_leaf)
+        }
+    }
+}
+
+impl Scan<'_> {
+    #[inline(always)]
+    fn sweep<S: Simd, T: Whole>(&mut self, simd: S, all_pairs: T, min_leaf: u32) -> Option<Cut> {
+        let rows = &self.rows[..];
+        let left = &mut self.left[..];
+        left.fill(0.0);
+        let stride = left.len();
+        let Cuts {
+            weights,
+            pairs: [of_left, of_right],
+            scores,
+        } = &mut *self.cuts;
+        let mut bin = 0;
+        // Of the left side: the weight, c_l . g and c_l . G.
+        let (mut weight, mut pairs, mut cross) = (0.0, T::default(), T::default());
+        for cells in self.cells.sorted() {
+            let rows = cells.map(|cell| &rows[cell.place() * stride..][..stride]);
+            let added = cells.map(|cell| f64::from(cell.weight()));
+            for (i, cell) in cells.iter().enumerate() {
+                let place = cell.place();
+                // What was moved just before is not in g yet.
+                let mut g = left[place];
+                for before in 0..i {
+                    g += added[before] * rows[before][place];
+                }
+                weight += added[i];
+                pairs = pairs + T::product(2.0 * added[i], g);
+                cross = cross + T::product(2.0 * added[i], self.products[place]);
+                if !T::SLOW || cell.is_last() {
+                    weights[bin] = weight;
+                    of_left[bin] = pairs.to_f64();
+                    of_right[bin] = (all_pairs - cross + pairs).to_f64();
+                }
+                bin = (bin + usize::from(cell.is_last())) % BINS;
+            }
+            let added = added.map(|weight| simd.splat_f64s(weight));
+            let [a, b, c, d] = rows.map(|row| S::as_simd_f64s(row).0);
+            let rows = a.iter().zip(b).zip(c.iter().zip(d));
+            for (g, ((a, b), (c, d))) in S::as_mut_simd_f64s(left).0.iter_mut().zip(rows) {
+                // Whole numbers: the sum is the same with and without a rounding in between.
+                let ab = simd.mul_add_e_f64s(added[1], *b, simd.mul_add_e_f64s(added[0], *a, *g));
+                *g = simd.mul_add_e_f64s(added[3], *d, simd.mul_add_e_f64s(added[2], *c, ab));
+            }
+        }
+        let bins = self.cells.occupied();
+        let least = f64::from(min_leaf.max(1));
+        let sums = weights.iter_mut().zip(of_left).zip(of_right);
+        for (score, ((&mut left, of_left), of_right)) in
+            scores.iter_mut().zip(sums).take(bins.len())
+        {
+            let right = self.weight - left;
+            let allowed = (left >= least) & (right >= least);
+            let of_both = mean_of_pairs([left, right], [*of_left, *of_right]);
+            *score = if allowed { of_both } else { f64::NEG_INFINITY };
+        }
+        let mut best = 0;
+        for bin in 1..bins.len() {
+            if scores[bin] > scores[best] {
+                best = bin;
+            }
+        }
+        (scores[best] > f64::NEG_INFINITY).then(|| Cut {
+            left: bins[best],
+            right: bins[best + 1],
+            score: scores[best],
         })
     }
 }

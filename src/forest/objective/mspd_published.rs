@@ -94,7 +94,10 @@ impl NodeScan for Scan<'_> {
             if after[0].0 == bin || left.0 < least || right.0 < least {
                 continue;
             }
-            let score = mean_of_pairs([left.0, right.0], [left.1, right.1]);
+            let score = mean_of_pairs(
+                [left.0 as f64, right.0 as f64],
+                [left.1 as f64, right.1 as f64],
+            );
             if best.is_none_or(|best| score > best.score) {
                 best = Some(Cut {
                     left: bin,
@@ -103,7 +106,7 @@ impl NodeScan for Scan<'_> {
                 });
             }
         }
-        let worth = self.squared.worth(self.weight);
+        let worth = self.squared.worth(self.weight as f64);
         best.map(|cut| Cut {
             score: worth * cut.score,
             ..cut

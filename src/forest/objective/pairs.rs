@@ -64,20 +64,17 @@ impl SquaredDistances {
     }
 
     /// A score's worth in a node of weight n, see [`mean_of_pairs`]: with this factor it is eq. 1.
-    pub fn worth(&self, n: u64) -> f64 {
-        self.unit / n as f64
+    pub fn worth(&self, n: f64) -> f64 {
+        self.unit / n
     }
 }
 
 /// n times eq. 1 with eq. 6, from both sides' weights and sums over all pairs; and the negative of
 /// it, for larger is better. A side of one sample has no pairs and is pure.
 #[inline(always)]
-pub fn mean_of_pairs(weights: [u64; 2], pairs: [i128; 2]) -> f64 {
-    let side = |n: u64, pairs: i128| match n {
-        0 | 1 => 0.0,
-        n => pairs as f64 / (n - 1) as f64,
-    };
-    -(side(weights[0], pairs[0]) + side(weights[1], pairs[1]))
+pub fn mean_of_pairs(weights: [f64; 2], pairs: [f64; 2]) -> f64 {
+    let others = weights.map(|n| if n > 1.0 { n - 1.0 } else { 1.0 });
+    -(pairs[0] / others[0] + pairs[1] / others[1])
 }
 
 /// Eq. 6: the mean of D^2 over all pairs of samples, each counted as often as it weighs; 0 for a

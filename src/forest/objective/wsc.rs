@@ -201,14 +201,14 @@ impl NodeScan for Scan<'_> {
             row[1 + usize::from(second)] = (worth(place) * scale).round() as i32;
             self.rows.set(usize::from(target), row);
         }
-        self.total = self.rows.total(members);
+        self.total = self.histogram.enter(&self.rows, members);
         true
     }
 
-    fn best_cut(&mut self, members: &[Member], codes: &[u8], min_leaf: u32) -> Option<Cut> {
+    fn best_cut(&mut self, _: &[Member], codes: &[u8], min_leaf: u32) -> Option<Cut> {
         let Self { rows, total, .. } = self;
         self.histogram
-            .best_cut(rows, total, members, codes, min_leaf, less_is_wrong)
+            .best_cut(rows, total, codes, min_leaf, less_is_wrong)
     }
 }
 
