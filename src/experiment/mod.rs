@@ -45,5 +45,6 @@ pub fn kinds() -> Vec<study_file::Kind> {
         study_file::Kind::new("threshold-sweep", threshold_sweep::define),
         study_file::Kind::new("training-time", training_time::define),
         study_file::Kind::new("tuning", tuning::define),
+        study_file::Kind::new("wsc-example", wsc_example::define),
     ]
 }

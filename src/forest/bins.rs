@@ -89,6 +89,11 @@ impl BinnedMatrix {
         &self.rows[sample * self.features()..(sample + 1) * self.features()]
     }
 
+    /// The lowest training value in a bin.
+    pub fn lowest(&self, feature: usize, bin: u8) -> i16 {
+        self.edges[feature].lowest[usize::from(bin)]
+    }
+
     /// The threshold (`value <= threshold` goes left) that sends bins up to `left` one way and bins
     /// from `right` on the other: midway between the nearest training values of the two, rounded
     /// down, as scikit-learn does.

@@ -10,3 +10,4 @@ pub mod sets;
 pub mod threshold_sweep;
 pub mod training_time;
 pub mod tuning;
+pub mod wsc_example;

@@ -6,3 +6,4 @@ pub mod estimates;
 pub mod pose_forest;
 pub mod pose_maps;
 pub mod training_times;
+pub mod wsc_nodes;

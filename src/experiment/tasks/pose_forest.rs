@@ -98,9 +98,13 @@ impl PoseForestTask {
             &samples.poses,
             objective,
             &self.training.forest,
-            crate::random::seed(self.set.seed, "forest", &[self.fold as u64]),
+            self.seed_of_trees(),
             progress,
         )
+    }
+
+    pub fn seed_of_trees(&self) -> u64 {
+        crate::random::seed(self.set.seed, "forest", &[self.fold as u64])
     }
 
     /// The features' values at the pixels drawn from each image. Features and pixels are the same
