@@ -391,8 +391,9 @@ impl Grower<'_> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::distances::DistanceMatrix;
     use crate::feature::SampleMatrix;
-    use crate::forest::objective::mse::mse;
+    use crate::forest::objective::{mse::mse, mspd::mspd};
     use crate::random::unit;
 
     /// A sample of weight 3 and three samples are the same, and a weight of 0 is none; and blocks
@@ -462,6 +463,50 @@ mod tests {
                 assert!((a - b).abs() < 1e-12);
             }
         }
+    }
+
+    /// With D = |y_a - y_b| the variance and eq. 6 differ by 2 k n / (n - 1), and where each sample
+    /// weighs as much as 20,000 by a constant: they grow the same trees.
+    #[test]
+    fn mspd_of_euclidean_distances_grows_the_trees_of_mse() {
+        const SAMPLES: usize = 400;
+        let mut random = stream(3, "euclidean", &[]);
+        let values: Vec<f64> = (0..3 * 50).map(|_| unit(&mut random)).collect();
+        let distances = DistanceMatrix::euclidean(&values, 3);
+        let table = TargetTable::new(3, values).unwrap();
+        let matrix = SampleMatrix::fill(6, &[SAMPLES], |_, columns| {
+            let mut random = stream(3, "values", &[]);
+            for column in columns {
+                column.fill_with(|| below(&mut random, 300) as i16);
+            }
+            Ok::<(), ()>(())
+        });
+        let data = BinnedMatrix::new(&matrix.unwrap()).unwrap();
+        let targets: Vec<u16> = (0..SAMPLES as u16).map(|sample| sample / 8).collect();
+        let spec = GrowSpec {
+            trees: 1,
+            min_leaf: 3 * 20_000,
+            features_per_node: 6,
+            max_depth: None,
+            bootstrap: false,
+        };
+        let grown = |objective: &dyn Objective| {
+            let random = stream(4, "tree", &[]);
+            let weights = [20_000; SAMPLES];
+            grow_tree(
+                &data,
+                &targets,
+                &weights,
+                objective,
+                &spec,
+                0,
+                random,
+                |_| (),
+            )
+        };
+        let tree = grown(&*mse(&table).unwrap());
+        assert_eq!(tree, grown(&*mspd(&distances).unwrap()));
+        assert!(tree.leaves() > 80);
     }
 
     #[test]
