@@ -1,11 +1,14 @@
-//! Training one tree at the paper's size, estimating in one image, loading a model.
+//! Training one tree at the paper's size and MSPD as published at a size it can do, estimating in one image, loading a model.
 
 use armpose::camera::DepthImage;
+use armpose::distances::DistanceMatrix;
 use armpose::feature::{DepthFeatures, FeatureSpec, PaddedDepth, SampleMatrix};
 use armpose::forest::bins::BinnedMatrix;
 use armpose::forest::grow::{GrowSpec, TargetTable};
 use armpose::forest::leaves::grow_means;
-use armpose::forest::objective::mse::mse;
+use armpose::forest::objective::mspd_few::mspd_few;
+use armpose::forest::objective::mspd_published::mspd_published;
+use armpose::forest::objective::{Objective, mse::mse, mspd::mspd};
 use armpose::forest::pose_forest::PoseForest;
 use armpose::random::{below, stream, uniform};
 use criterion::{Criterion, SamplingMode, criterion_group, criterion_main};
@@ -15,6 +18,29 @@ use std::time::Duration;
 const POSES: usize = 160;
 const SAMPLES_PER_POSE: usize = 3000;
 const JOINTS: usize = 15;
+
+/// The joints of the arm that [`image`] draws: pixels and millimetres.
+fn joints(pose: &[f64]) -> Vec<[f64; 3]> {
+    let (mut at, mut heading) = ([420.0, 240.0, 1400.0], 0.0);
+    let moved = |joint: &f64| {
+        heading += joint;
+        at[0] += 40.0 * f64::cos(heading);
+        at[1] += 40.0 * f64::sin(heading);
+        at[2] -= 120.0 * joint;
+        at
+    };
+    pose.iter().take(7).map(moved).collect()
+}
+
+/// The largest way that a joint goes from one pose to the other, as DISP is of all points.
+fn displacement(a: &[f64], b: &[f64]) -> f64 {
+    let ways = joints(a).into_iter().zip(joints(b));
+    let way = |(a, b): ([f64; 3], [f64; 3])| {
+        let squares = a.iter().zip(&b).map(|(a, b)| (a - b).powi(2));
+        squares.sum::<f64>().sqrt()
+    };
+    ways.map(way).fold(0.0, f64::max)
+}
 
 /// A table, and on it an arm of seven bars that hang together and turn by their pose: a scene in
 /// which a pixel's surroundings say something about the pose, and most of which is empty.
@@ -62,7 +88,7 @@ struct Data {
     table: TargetTable,
 }
 
-fn data() -> Data {
+fn samples(samples_per_pose: usize) -> Data {
     let mut random = stream(1, "bench", &[]);
     let spec = FeatureSpec {
         count: 500,
@@ -73,13 +99,13 @@ fn data() -> Data {
         .map(|_| uniform(&mut random, -1.2, 1.2))
         .collect();
     let images: Vec<DepthImage> = poses.chunks(JOINTS).map(image).collect();
-    let counts = vec![SAMPLES_PER_POSE; POSES];
+    let counts = vec![samples_per_pose; POSES];
     let matrix = SampleMatrix::fill(features.count(), &counts, |i, columns| {
         let padded = PaddedDepth::new(&images[i], features.reach());
         let mut random = stream(1, "pixels", &[i as u64]);
         // Most on the arm, as in the paper's training data.
         let mut positions = Vec::new();
-        while positions.len() < SAMPLES_PER_POSE {
+        while positions.len() < samples_per_pose {
             let (x, y) = (below(&mut random, 640), below(&mut random, 480));
             let near = padded.depth(padded.position(x, y)) < 1800;
             if near || below(&mut random, 40) == 0 {
@@ -95,14 +121,19 @@ fn data() -> Data {
         features,
         images,
         binned: BinnedMatrix::new(&matrix).unwrap(),
-        targets: (0..POSES * SAMPLES_PER_POSE)
-            .map(|i| (i / SAMPLES_PER_POSE) as u16)
+        targets: (0..POSES * samples_per_pose)
+            .map(|i| (i / samples_per_pose) as u16)
             .collect(),
         table: TargetTable::new(JOINTS, poses).unwrap(),
     }
 }
 
-fn grow(data: &Data, trees: usize, features_per_node: usize) -> PoseForest {
+fn grow(
+    data: &Data,
+    objective: &dyn Objective,
+    trees: usize,
+    features_per_node: usize,
+) -> PoseForest {
     let spec = GrowSpec {
         trees,
         min_leaf: 5,
@@ -110,12 +141,11 @@ fn grow(data: &Data, trees: usize, features_per_node: usize) -> PoseForest {
         max_depth: None,
         bootstrap: true,
     };
-    let objective = mse(&data.table).unwrap();
     let (trees, leaves) = grow_means(
         &data.binned,
         &data.targets,
         &data.table,
-        &*objective,
+        objective,
         &spec,
         7,
         &|_| (),
@@ -128,17 +158,38 @@ fn grow(data: &Data, trees: usize, features_per_node: usize) -> PoseForest {
 fn benches(criterion: &mut Criterion) {
     let one_core = rayon::ThreadPoolBuilder::new().num_threads(1).build();
     let one_core = one_core.unwrap();
-    let data = data();
+    let data = samples(SAMPLES_PER_POSE);
     let mut group = criterion.benchmark_group("forest");
     group
         .sampling_mode(SamplingMode::Flat)
         .sample_size(10)
         .warm_up_time(Duration::from_secs(1));
-    group.bench_function("train one tree, 480,000 x 500, 22 a node", |b| {
-        b.iter(|| one_core.install(|| grow(&data, 1, 22)));
+    let distances = DistanceMatrix::new(POSES, |a, b| {
+        displacement(data.table.row(a), data.table.row(b))
     });
+    let by_variance = mse(&data.table).unwrap();
+    for (name, objective) in [
+        ("MSE", &*by_variance),
+        ("MSPD", &*mspd(&distances).unwrap()),
+        ("MSPD in few dimensions", &*mspd_few(&distances).unwrap()),
+    ] {
+        group.bench_function(
+            format!("train one tree on {name}, 480,000 x 500, 22 a node"),
+            |b| b.iter(|| one_core.install(|| grow(&data, objective, 1, 22))),
+        );
+    }
+    // The published form's time grows with the square of a node's size: few samples a pose.
+    let some = samples(50);
+    for (name, objective) in [
+        ("MSPD", mspd(&distances).unwrap()),
+        ("MSPD as published", mspd_published(&distances).unwrap()),
+    ] {
+        group.bench_function(format!("train one tree on {name}, 8,000 x 500"), |b| {
+            b.iter(|| one_core.install(|| grow(&some, &*objective, 1, 22)));
+        });
+    }
 
-    let forest = grow(&data, 10, 22);
+    let forest = grow(&data, &*by_variance, 10, 22);
     let tree = &forest.trees()[0];
     println!("{} leaves, {} deep", tree.leaves(), tree.depth());
     let padded = PaddedDepth::new(&data.images[0], forest.features().reach());

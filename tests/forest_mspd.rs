@@ -5,6 +5,7 @@ use armpose::feature::SampleMatrix;
 use armpose::forest::bins::BinnedMatrix;
 use armpose::forest::grow::{GrowSpec, Member, TargetTable};
 use armpose::forest::leaves::{LeafTable, grow_means};
+use armpose::forest::objective::mspd_few::mspd_few;
 use armpose::forest::objective::mspd_published::mspd_published;
 use armpose::forest::objective::{Cut, Objective, mse::mse, mspd::mspd};
 use armpose::forest::tree::Tree;
@@ -257,6 +258,60 @@ fn euclidean_distances_make_it_the_variance() {
         let all: Vec<&Member> = members.iter().collect();
         assert!((h - mean_squared_distance(&distances, &all)).abs() <= 1e-12 * h);
     }
+}
+
+/// Poses of a planar arm of five bars, at distances as DISP has them: the largest way that a joint
+/// goes. No points in a space lie so.
+fn arm_distances(random: &mut Stream, count: usize) -> DistanceMatrix {
+    let poses: Vec<Vec<[f64; 2]>> = (0..count)
+        .map(|_| {
+            let (mut at, mut heading) = ([0.0; 2], 0.0);
+            (0..5)
+                .map(|_| {
+                    heading += 1.6 * unit(random) - 0.8;
+                    at = [at[0] + f64::cos(heading), at[1] + f64::sin(heading)];
+                    at
+                })
+                .collect()
+        })
+        .collect();
+    DistanceMatrix::new(count, |a, b| {
+        let ways = poses[a].iter().zip(&poses[b]);
+        let ways = ways.map(|(p, q)| (p[0] - q[0]).hypot(p[1] - q[1]));
+        ways.fold(0.0, f64::max)
+    })
+}
+
+/// Fourteen signed dimensions choose the exact form's cut or one hardly worse.
+#[test]
+fn few_dimensions_choose_much_the_same_cuts() {
+    let random = &mut stream(8, "few", &[]);
+    let distances = arm_distances(random, 120);
+    let (exact, few) = (mspd(&distances).unwrap(), mspd_few(&distances).unwrap());
+    let (mut exact_scan, mut few_scan) = (exact.scan(3), few.scan(3));
+    let (mut same, mut cuts) = (0, 0);
+    for turn in 0..300 {
+        let members = node(random, 20 + 5 * turn, 4 + below(random, 117), true);
+        assert_eq!(exact.impurity(&members), few.impurity(&members));
+        assert!(exact_scan.enter(&members) && few_scan.enter(&members));
+        // Bins tell how far a pose is from some other one, and not much.
+        let pole = below(random, 120);
+        let code = |m: &Member| {
+            let told = distances.get(m.target.into(), pole);
+            (20.0 * (told + 1.5 * unit(random))) as u8
+        };
+        let codes: Vec<u8> = members.iter().map(code).collect();
+        let best = exact_scan.best_cut(&members, &codes, 5).unwrap();
+        let other = few_scan.best_cut(&members, &codes, 5).unwrap();
+        same += usize::from(best.left == other.left);
+        cuts += 1;
+        // What the exact form says of the other cut: there are two bins then.
+        let sides: Vec<u8> = codes.iter().map(|&c| u8::from(c > other.left)).collect();
+        let score = exact_scan.best_cut(&members, &sides, 1).unwrap().score;
+        let gain = |score: f64| exact.impurity(&members) + score;
+        assert!(gain(score) > 0.9 * gain(best.score));
+    }
+    assert!(5 * same > 4 * cuts, "{same} of {cuts}");
 }
 
 #[test]

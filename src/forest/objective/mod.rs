@@ -12,6 +12,7 @@ pub mod histogram;
 pub mod mpmse;
 pub mod mse;
 pub mod mspd;
+pub mod mspd_few;
 pub mod mspd_published;
 mod pairs;
 mod vectorized;
@@ -24,13 +25,14 @@ use serde::{Deserialize, Deserializer, Serialize, Serializer, de::Error};
 
 /// All objectives that can be asked for by name: the paper's in its order and with its parameters,
 /// then ours, then variants of the study `variants`.
-pub static OBJECTIVES: [ObjectiveKind; 11] = [
+pub static OBJECTIVES: [ObjectiveKind; 12] = [
     of_poses("mse", "MSE", mse::mse),
     of_distances("mspd", "MSPD", mspd::mspd),
     of_distances("wsc", "WSC", wsc::wsc),
     of_distances("tsne", "MPMSE tSNE", |d| mpmse::tsne(d, 2, 40.0)),
     of_distances("kpca", "MPMSE KPCA", |d| mpmse::kpca(d, 10, 10.0)),
     of_distances("mds", "MPMSE MDS", |d| mpmse::mds(d, 10)),
+    of_distances("mspd-few", "MSPD, few dimensions", mspd_few::mspd_few),
     of_distances("wsc-count", "WSC, counting", wsc::wsc_count),
     of_distances("tsne-d3", "tSNE, d = 3", |d| mpmse::tsne(d, 3, 40.0)),
     of_distances("tsne-d10", "tSNE, d = 10", |d| mpmse::tsne(d, 10, 40.0)),
