@@ -151,13 +151,12 @@ impl WscExample {
         Figure {
             title: self.specification.title.clone(),
             caption: format!(
-                "Above, a node {} splits below the root with {} different samples, the one with the \
-                 median share of wrong samples among nodes of {} to {}: the split that was chosen, \
-                 which sends samples left of the dashed line left, and the poses that were clustered. \
-                 Samples of one image share its pose. Below, all nodes of {} trees; bands are one \
-                 standard deviation over trees.",
+                "Above, a node {} splits below the root, the one with the median share of wrong samples \
+                 among nodes of {} to {} samples (of which the bootstrap drew some more than once): its \
+                 split, which sends what is left of the dashed line to the left, and its poses, which \
+                 were clustered. Samples of one image share its pose. Below, all nodes of {} trees; \
+                 bands: one standard deviation over trees.",
                 example.depth,
-                example.samples.len(),
                 self.task.example.0,
                 self.task.example.1,
                 rows.last().map_or(0, |all| all.levels.len()),
