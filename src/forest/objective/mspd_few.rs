@@ -104,8 +104,7 @@ impl NodeScan for Scan<'_> {
             weighted, total, ..
         } = self;
         let worths = &self.objective.worths;
-        let score = #[inline(always)]
-        |left: &[f64; LANES], total: &[f64; LANES]| mean_of_pairs(left, total, worths);
+        let score = |left: &[f64; LANES], total: &[f64; LANES]| mean_of_pairs(left, total, worths);
         self.histogram
             .best_cut(weighted, total, codes, min_leaf, score)
     }
