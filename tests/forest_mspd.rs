@@ -291,7 +291,8 @@ fn few_dimensions_choose_much_the_same_cuts() {
     let (mut exact_scan, mut few_scan) = (exact.scan(3), few.scan(3));
     let (mut same, mut cuts) = (0, 0);
     for turn in 0..300 {
-        let members = node(random, 20 + 5 * turn, 4 + below(random, 117), true);
+        let poses = 4 + below(random, 117);
+        let members = node(random, 20 + 5 * turn, poses, true);
         assert_eq!(exact.impurity(&members), few.impurity(&members));
         assert!(exact_scan.enter(&members) && few_scan.enter(&members));
         // Bins tell how far a pose is from some other one, and not much.
