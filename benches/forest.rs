@@ -1,7 +1,7 @@
 //! Training one tree at the paper's size, estimating in one image, loading a model.
 
 use armpose::camera::DepthImage;
-use armpose::feature::{DepthFeatures, FeatureSpec, PaddedDepth, SampleMatrix};
+use armpose::feature::{DepthFeatures, Extra, FeatureSpec, PaddedDepth, SampleMatrix};
 use armpose::forest::bins::BinnedMatrix;
 use armpose::forest::grow::{GrowSpec, TargetTable};
 use armpose::forest::leaves::grow_means;
@@ -68,7 +68,7 @@ fn data() -> Data {
         count: 500,
         window: 200,
     };
-    let features = DepthFeatures::draw(&spec, &mut random).unwrap();
+    let features = DepthFeatures::draw(&spec, Extra::Nothing, &mut random).unwrap();
     let poses: Vec<f64> = (0..POSES * JOINTS)
         .map(|_| uniform(&mut random, -1.2, 1.2))
         .collect();

@@ -6,3 +6,5 @@ pub mod estimates;
 pub mod pose_forest;
 pub mod pose_maps;
 pub mod training_times;
+pub mod segmentation;
+pub mod segmentation_forest;
