@@ -8,3 +8,4 @@ pub mod pose_maps;
 pub mod training_times;
 pub mod segmentation;
 pub mod segmentation_forest;
+pub mod sight;
