@@ -6,7 +6,6 @@ pub mod estimates;
 pub mod estimation_times;
 pub mod pose_forest;
 pub mod pose_maps;
-pub mod training_times;
 pub mod segmentation;
 pub mod segmentation_forest;
 pub mod sight;
