@@ -12,7 +12,7 @@ use std::process::ExitCode;
 /// Write the bounds that `check` holds, from runs with several seeds
 ///
 /// Runs all studies with each seed and writes tests/bounds/<PROFILE>.toml: for each number, the mean
-/// and a margin of four standard deviations, or half a percent if that is more.
+/// and a margin of four standard deviations.
 #[derive(clap::Args)]
 #[command(verbatim_doc_comment)]
 pub struct Arguments {
@@ -61,7 +61,7 @@ pub fn run(arguments: &Arguments) -> Result<ExitCode> {
     let seeds = arguments.seeds;
     let text = format!(
         "# Written by `armpose bounds --profile {profile} --seeds {seeds}`: mean and four standard\n\
-         # deviations over the seeds, or half a percent.\n\n{}",
+         # deviations over the seeds.\n\n{}",
         toml::to_string(&all)?
     );
     let file = bounds::file(&root, profile);

@@ -70,11 +70,9 @@ pub fn values(summary: &Path, bounded: &BoundedColumns) -> Result<BTreeMap<Strin
     Ok(values)
 }
 
-/// Bounds from the same study run with several seeds: the mean, and four standard deviations; but
-/// at least half a percent, for numbers that hardly depend on the seed may still do so on the target.
+/// Bounds from the same study run with several seeds: the mean, and four standard deviations.
 pub fn calibrate(runs: &[BTreeMap<String, f64>]) -> Result<StudyBounds> {
     const DEVIATIONS: f64 = 4.0;
-    const FLOOR: f64 = 0.005;
     let Some(first) = runs.first() else {
         bail!("bounds need at least one run");
     };
@@ -90,11 +88,9 @@ pub fn calibrate(runs: &[BTreeMap<String, f64>]) -> Result<StudyBounds> {
             "{name} is not a number in every run, so it cannot be bounded"
         );
         let rounded = |x: f64| significant(x, 6).parse().unwrap_or(x);
-        let centre = mean(&drawn);
-        let margin = (DEVIATIONS * standard_deviation(&drawn)).max(FLOOR * centre.abs());
         let bound = Bound {
-            centre: rounded(centre),
-            margin: rounded(margin),
+            centre: rounded(mean(&drawn)),
+            margin: rounded(DEVIATIONS * standard_deviation(&drawn)),
         };
         bounds.insert(name.clone(), bound);
     }
@@ -149,7 +145,7 @@ mod tests {
             bounds["b"],
             Bound {
                 centre: 7.0,
-                margin: 0.035
+                margin: 0.0
             }
         );
         assert!(runs.iter().all(|run| judge("s", &bounds, run).1));
@@ -160,7 +156,7 @@ mod tests {
         assert!(!holds);
         assert_eq!(
             text,
-            "fig9 a 45 OUTSIDE 41 +- 3.411\nfig9 b 7 within 7 +- 0.035\n"
+            "fig9 a 45 OUTSIDE 41 +- 3.411\nfig9 b 7 within 7 +- 0\n"
         );
         off.remove("b");
         off.insert("c".to_owned(), 1.0);
