@@ -2,7 +2,7 @@
 
 use armpose::camera::DepthImage;
 use armpose::distances::DistanceMatrix;
-use armpose::feature::{DepthFeatures, FeatureSpec, PaddedDepth, SampleMatrix};
+use armpose::feature::{DepthFeatures, Extra, FeatureSpec, PaddedDepth, SampleMatrix};
 use armpose::forest::bins::BinnedMatrix;
 use armpose::forest::grow::{GrowSpec, TargetTable};
 use armpose::forest::leaves::grow_means;
@@ -94,7 +94,7 @@ fn samples(samples_per_pose: usize) -> Data {
         count: 500,
         window: 200,
     };
-    let features = DepthFeatures::draw(&spec, &mut random).unwrap();
+    let features = DepthFeatures::draw(&spec, Extra::Nothing, &mut random).unwrap();
     let poses: Vec<f64> = (0..POSES * JOINTS)
         .map(|_| uniform(&mut random, -1.2, 1.2))
         .collect();

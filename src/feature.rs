@@ -2,9 +2,10 @@
 //!
 //! A feature is the difference of the depths at two fixed offsets from a pixel. The offsets are in
 //! pixels and are not scaled by depth; a place that is invalid or outside the image counts as
-//! [`D_INVALID_MM`]. All values are millimetres and fit an `i16`.
+//! [`D_INVALID_MM`]. Other features may follow these, see [`Extra`]. All values fit an `i16`; depths
+//! are millimetres.
 
-use crate::camera::DepthImage;
+use crate::camera::{DepthImage, Image};
 use crate::random::{Stream, below};
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
@@ -33,19 +34,54 @@ pub struct FeatureSpec {
     pub window: usize,
 }
 
-/// The offsets (x, y) of delta_u and delta_v of each feature, pixels.
-#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(try_from = "Vec<[[i16; 2]; 2]>", into = "Vec<[[i16; 2]; 2]>")]
-pub struct DepthFeatures {
-    offsets: Vec<[[i16; 2]; 2]>,
+/// Which features follow those of eq. 4.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Extra {
+    #[default]
+    Nothing,
+    /// The pixel's column, row and depth (section III-D).
+    Pixel,
+    /// For each feature of eq. 4 the value of a second image, the context, at delta_u (end of
+    /// section III-D).
+    Context,
 }
 
-impl TryFrom<Vec<[[i16; 2]; 2]>> for DepthFeatures {
+/// The offsets (x, y) of delta_u and delta_v of each feature, pixels, and what follows them.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(try_from = "Written", into = "Written")]
+pub struct DepthFeatures {
+    offsets: Vec<[[i16; 2]; 2]>,
+    extra: Extra,
+}
+
+/// As features stand in a model file.
+#[derive(Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct Written {
+    offsets: Vec<[[i16; 2]; 2]>,
+    extra: Extra,
+}
+
+impl TryFrom<Written> for DepthFeatures {
     type Error = FeatureError;
 
-    fn try_from(offsets: Vec<[[i16; 2]; 2]>) -> Result<Self, FeatureError> {
-        let features = Self { offsets };
-        if !(1..=MAX_COUNT).contains(&features.count()) {
+    fn try_from(Written { offsets, extra }: Written) -> Result<Self, FeatureError> {
+        Self::new(offsets, extra)
+    }
+}
+
+impl From<DepthFeatures> for Written {
+    fn from(DepthFeatures { offsets, extra }: DepthFeatures) -> Self {
+        Self { offsets, extra }
+    }
+}
+
+impl DepthFeatures {
+    /// Features with these offsets. Fails when there are none or too many, or when they reach too far.
+    pub fn new(offsets: Vec<[[i16; 2]; 2]>, extra: Extra) -> Result<Self, FeatureError> {
+        let features = Self { offsets, extra };
+        if features.offsets.is_empty() || features.count() > MAX_COUNT {
             return Err(FeatureError::Count(features.count()));
         }
         if 2 * features.reach() > MAX_WINDOW {
@@ -53,17 +89,13 @@ impl TryFrom<Vec<[[i16; 2]; 2]>> for DepthFeatures {
         }
         Ok(features)
     }
-}
 
-impl From<DepthFeatures> for Vec<[[i16; 2]; 2]> {
-    fn from(features: DepthFeatures) -> Self {
-        features.offsets
-    }
-}
-
-impl DepthFeatures {
     /// Offsets uniform over the integers of `[-window/2, window/2)`, in x and in y.
-    pub fn draw(spec: &FeatureSpec, stream: &mut Stream) -> Result<Self, FeatureError> {
+    pub fn draw(
+        spec: &FeatureSpec,
+        extra: Extra,
+        stream: &mut Stream,
+    ) -> Result<Self, FeatureError> {
         if !(1..=MAX_WINDOW).contains(&spec.window) {
             return Err(FeatureError::Window(spec.window));
         }
@@ -74,11 +106,26 @@ impl DepthFeatures {
         let offsets = (0..spec.count)
             .map(|_| [[offset(), offset()], [offset(), offset()]])
             .collect();
-        Ok(Self { offsets })
+        Self::new(offsets, extra)
     }
 
+    /// How many there are, the extra ones included.
     pub fn count(&self) -> usize {
         self.offsets.len()
+            + match self.extra {
+                Extra::Nothing => 0,
+                Extra::Pixel => 3,
+                Extra::Context => self.offsets.len(),
+            }
+    }
+
+    pub fn extra(&self) -> Extra {
+        self.extra
+    }
+
+    /// The offsets (x, y) of delta_u and delta_v of each feature of eq. 4, pixels.
+    pub fn offsets(&self) -> &[[[i16; 2]; 2]] {
+        &self.offsets
     }
 
     /// The largest distance in x or y that a feature looks away from its pixel: the margin that a
@@ -90,18 +137,26 @@ impl DepthFeatures {
             .unwrap_or(0)
     }
 
-    /// Joins the features to one image. Panics when the image's margin is below [`Self::reach`].
+    /// Joins the features to one image. Panics when the image's margin is below [`Self::reach`], or
+    /// when it lacks the context that they ask for.
     pub fn on<'a>(&self, image: &'a PaddedDepth) -> FeaturesOnImage<'a> {
         assert!(
             self.reach() <= image.margin,
             "the image's margin is too small"
         );
+        assert!(
+            self.extra != Extra::Context || image.context.len() == image.values.len(),
+            "the image has no context"
+        );
         let corner = (image.margin * image.stride + image.margin) as i32;
         let linear =
             |[x, y]: [i16; 2]| (corner + i32::from(y) * image.stride as i32 + i32::from(x)) as u32;
         FeaturesOnImage {
+            image,
             values: &image.values,
             offsets: self.offsets.iter().map(|o| o.map(linear)).collect(),
+            extra: self.extra,
+            rows_per_value: 1.0 / image.stride as f64,
         }
     }
 
@@ -122,6 +177,8 @@ impl DepthFeatures {
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
 pub struct PaddedDepth {
     values: Vec<i16>,
+    /// A second image with the same border, zero there; empty without one.
+    context: Vec<i16>,
     stride: usize,
     width: usize,
     height: usize,
@@ -135,10 +192,24 @@ impl PaddedDepth {
         padded
     }
 
-    /// Takes another image, in the memory of the last one.
+    /// Adds the second image that [`Extra::Context`] looks at. Panics when its size is another.
+    pub fn with_context(mut self, map: &Image<u8>) -> Self {
+        assert_eq!((map.width, map.height), (self.width, self.height));
+        self.context = vec![0; self.values.len()];
+        let rows = self.context.chunks_exact_mut(self.stride).skip(self.margin);
+        for (row, source) in rows.zip(map.pixels.chunks_exact(map.width)) {
+            for (value, &of_map) in row[self.margin..].iter_mut().zip(source) {
+                *value = of_map.into();
+            }
+        }
+        self
+    }
+
+    /// Takes another image, in the memory of the last one, and without context.
     pub fn refill(&mut self, image: &DepthImage, margin: usize) {
         (self.width, self.height, self.margin) = (image.width, image.height, margin);
         self.stride = image.width + 2 * margin;
+        self.context.clear();
         self.values.clear();
         self.values
             .resize(self.stride * (image.height + 2 * margin), D_INVALID_MM);
@@ -169,16 +240,43 @@ impl PaddedDepth {
 /// Features at fixed linear offsets into the values of one image.
 #[derive(Debug, Clone)]
 pub struct FeaturesOnImage<'a> {
+    image: &'a PaddedDepth,
     values: &'a [i16],
     offsets: Vec<[u32; 2]>,
+    extra: Extra,
+    rows_per_value: f64,
 }
 
 impl FeaturesOnImage<'_> {
-    /// Eq. 4 for `feature` at the pixel of `position`, mm, in -5000..=5000.
+    /// The value of `feature` at the pixel of `position`: eq. 4, mm, in -5000..=5000, or what follows.
     #[inline]
     pub fn value(&self, feature: usize, position: u32) -> i16 {
-        let [u, v] = self.offsets[feature];
-        self.values[(position + u) as usize] - self.values[(position + v) as usize]
+        match self.offsets.get(feature) {
+            Some(&[u, v]) => {
+                self.values[(position + u) as usize] - self.values[(position + v) as usize]
+            }
+            None => self.extra(feature - self.offsets.len(), position),
+        }
+    }
+
+    /// The row of the image. A product is much faster than a division; with the half added it is
+    /// never near a whole number, so that rounding cannot matter.
+    #[inline]
+    fn row(&self, position: u32) -> u32 {
+        ((f64::from(position) + 0.5) * self.rows_per_value) as u32
+    }
+
+    #[inline]
+    fn extra(&self, extra: usize, position: u32) -> i16 {
+        match (self.extra, extra) {
+            (Extra::Context, _) => {
+                let [u, _] = self.offsets[extra];
+                self.image.context[(position + u) as usize]
+            }
+            (_, 0) => (position - self.row(position) * self.image.stride as u32) as i16,
+            (_, 1) => self.row(position) as i16,
+            _ => self.image.depth(position),
+        }
     }
 }
 

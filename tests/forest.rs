@@ -1,7 +1,9 @@
 //! Growing and predicting, held against slow and obvious versions of the same.
 
 use armpose::camera::DepthImage;
-use armpose::feature::{D_INVALID_MM, DepthFeatures, FeatureSpec, PaddedDepth, SampleMatrix};
+use armpose::feature::{
+    D_INVALID_MM, DepthFeatures, Extra, FeatureSpec, PaddedDepth, SampleMatrix,
+};
 use armpose::forest::bins::BinnedMatrix;
 use armpose::forest::grow::{GrowSpec, TargetTable};
 use armpose::forest::leaves::{LeafTable, grow_means};
@@ -389,7 +391,7 @@ fn pose_forest(seed: u64, threads: usize) -> (PoseForest, Vec<DepthImage>) {
         count: 20,
         window: 24,
     };
-    let features = DepthFeatures::draw(&spec, random).unwrap();
+    let features = DepthFeatures::draw(&spec, Extra::Nothing, random).unwrap();
     let (images, pixels, width) = (12, 200, 3);
     let poses: Vec<f64> = (0..images * width)
         .map(|_| uniform(random, -1.0, 1.0))
@@ -448,7 +450,7 @@ fn pose_forest(seed: u64, threads: usize) -> (PoseForest, Vec<DepthImage>) {
 fn pixels_are_estimated_as_one_by_one_and_at_the_border_too() {
     let (mut forest, images) = pose_forest(3, 2);
     forest.set_sigma(0.5).unwrap();
-    let offsets: Vec<[[i16; 2]; 2]> = forest.features().clone().into();
+    let offsets = forest.features().offsets().to_vec();
     let nu = forest.leaves().iter().flat_map(LeafTable::impurities);
     let nu = nu.copied().fold(0.0, f64::max);
     // Memory is taken over from an image of another size.
@@ -508,7 +510,8 @@ fn confidences_follow_equation_2() {
         node(LEAF, 1),
         node(LEAF, 2),
     ];
-    let features = DepthFeatures::try_from(vec![[[0, 0], [1, 0]], [[0, 0], [0, 1]]]).unwrap();
+    let offsets = vec![[[0, 0], [1, 0]], [[0, 0], [0, 1]]];
+    let features = DepthFeatures::new(offsets, Extra::Nothing).unwrap();
     let forest = |impurities: [f64; 3]| {
         let tree = Tree::new(nodes.clone(), 2).unwrap();
         let leaves = LeafTable::new(1, vec![10.0, 20.0, 30.0], impurities.to_vec()).unwrap();

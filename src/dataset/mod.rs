@@ -245,6 +245,15 @@ impl DataSet {
         table
     }
 
+    /// The classes that a segmentation tells apart: the background and then the arms, in the order of
+    /// [`SetRecord::arms`].
+    pub fn classes(&self) -> Vec<String> {
+        let arms = self.record.arms.iter().map(|a| format!("{} arm", a.name));
+        std::iter::once("background".to_owned())
+            .chain(arms)
+            .collect()
+    }
+
     /// Reads an image. Panics when there is no such image.
     pub fn frame(&self, image: usize) -> Result<Frame, DataSetError> {
         let intrinsics = &self.camera.intrinsics;

@@ -1,4 +1,6 @@
-//! Estimating: from the pixels' estimates to one pose of the arm, and how wrong it is.
+//! Estimating: which pixels show the arm, from the pixels' estimates to one pose of it, and how wrong
+//! that is.
 
 pub mod error;
 pub mod image;
+pub mod segmentation;

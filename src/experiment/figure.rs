@@ -1,4 +1,4 @@
-//! Figures as plain data: panels that hold marks on axes, or depth images. [`Figure::svg`] and
+//! Figures as plain data: panels that hold marks on axes, depth images, or pictures. [`Figure::svg`] and
 //! [`Figure::png`] draw the same picture.
 
 mod axes;
@@ -7,7 +7,7 @@ mod draw;
 mod legend;
 mod marks;
 
-use crate::camera::DepthImage;
+use crate::camera::{DepthImage, Image};
 use canvas::Canvas;
 pub use canvas::FigureError;
 use plotters::prelude::{BitMapBackend, SVGBackend};
@@ -29,6 +29,15 @@ pub struct Figure {
 pub enum Panel {
     Plot(Plot),
     Depth(DepthPanel),
+    Picture(Picture),
+}
+
+/// An image in its own colours.
+#[derive(Debug, Clone)]
+pub struct Picture {
+    pub title: String,
+    /// Red, green, blue.
+    pub image: Image<[u8; 3]>,
 }
 
 /// A depth image in false colours (viridis, near is bright), invalid pixels black.
@@ -223,7 +232,6 @@ impl Figure {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::camera::Image;
 
     fn figure() -> Figure {
         let points: Vec<(f64, f64)> = (1..=10)
@@ -320,6 +328,16 @@ mod tests {
             },
             range_mm: (500, 3100),
         };
+        let picture = Picture {
+            title: "Red to the right, blue downwards".to_owned(),
+            image: Image {
+                width: 20,
+                height: 30,
+                pixels: (0..600u32)
+                    .map(|i| [(i % 20 * 12) as u8, 0, (i / 20 * 8) as u8])
+                    .collect(),
+            },
+        };
         let long_names = Plot {
             title: String::new(),
             x: Axis::of(
@@ -366,6 +384,7 @@ mod tests {
                 Panel::Plot(scatter),
                 Panel::Plot(histogram),
                 Panel::Depth(depth),
+                Panel::Picture(picture),
                 Panel::Plot(long_names),
                 Panel::Plot(to_scale),
             ],

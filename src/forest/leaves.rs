@@ -69,6 +69,32 @@ impl LeafTable {
     }
 }
 
+/// Whether there is a table of `width` values a leaf for each of the trees, of which there must be
+/// one.
+pub(super) fn check_leaves(
+    trees: &[Tree],
+    tables: &[LeafTable],
+    width: usize,
+) -> Result<(), ForestError> {
+    let same = |what, got, expected| match got == expected {
+        true => Ok(()),
+        false => Err(ForestError::Size {
+            what,
+            got,
+            expected,
+        }),
+    };
+    if trees.is_empty() {
+        return Err(ForestError::Zero("the number of trees"));
+    }
+    same("tables of leaves", tables.len(), trees.len())?;
+    for (tree, table) in trees.iter().zip(tables) {
+        same("rows of a table of leaves", table.leaves(), tree.leaves())?;
+        same("values of a leaf", table.width(), width)?;
+    }
+    Ok(())
+}
+
 /// A forest whose leaves hold the mean over their samples of the rows of `table` (poses; or class
 /// membership, whose mean is the share of each class), and their impurity by the objective. The
 /// objective may have been made of another table with the same targets. See [`grow`].

@@ -3,7 +3,9 @@
 //!
 //! The way through: a [`SampleMatrix`](crate::feature::SampleMatrix) becomes [`bins`]; [`grow`]
 //! grows [`tree`]s from them on an [`objective`]; [`leaves`] holds what the leaves say; a
-//! [`PoseForest`](pose_forest::PoseForest) answers for pixels; [`model_file`] keeps it all.
+//! [`PoseForest`](pose_forest::PoseForest) or a
+//! [`SegmentationForest`](segmentation_forest::SegmentationForest) answers for pixels;
+//! [`model_file`] keeps it all.
 
 pub mod bins;
 pub mod grow;
@@ -11,6 +13,7 @@ pub mod leaves;
 pub mod model_file;
 pub mod objective;
 pub mod pose_forest;
+pub mod segmentation_forest;
 pub mod tree;
 
 use crate::pose_space::MapError;

@@ -1,7 +1,7 @@
 //! The pose estimation forest: what its trees say of a pixel, and how sure they are (section II-A).
 
 use super::ForestError;
-use super::leaves::LeafTable;
+use super::leaves::{LeafTable, check_leaves};
 use super::model_file::{self, Fault, ModelError};
 use super::tree::Tree;
 use crate::feature::{DepthFeatures, FeaturesOnImage};
@@ -59,22 +59,7 @@ impl PoseForest {
     }
 
     fn join(header: Header, trees: Vec<Tree>, leaves: Vec<LeafTable>) -> Result<Self, ForestError> {
-        let same = |what, got, expected| match got == expected {
-            true => Ok(()),
-            false => Err(ForestError::Size {
-                what,
-                got,
-                expected,
-            }),
-        };
-        if trees.is_empty() {
-            return Err(ForestError::Zero("the number of trees"));
-        }
-        same("tables of leaves", leaves.len(), trees.len())?;
-        for (tree, leaves) in trees.iter().zip(&leaves) {
-            same("rows of a table of leaves", leaves.leaves(), tree.leaves())?;
-            same("values of a leaf", leaves.width(), header.names.len())?;
-        }
+        check_leaves(&trees, &leaves, header.names.len())?;
         let sigma = header.sigma;
         let mut forest = Self {
             header,

@@ -1,9 +1,10 @@
 //! Draws a figure: title, panels with their axes, caption.
 
 use super::axes::{Scale, Tick, scales};
-use super::canvas::{Canvas, Drawn, HPos, VPos, text_width};
+use super::canvas::{Canvas, Drawn, FigureError, HPos, VPos, text_width};
 use super::marks::Frame;
-use super::{Axis, DepthPanel, Figure, PALETTE, Panel, Plot, legend, marks};
+use super::{Axis, DepthPanel, Figure, PALETTE, Panel, Picture, Plot, legend, marks};
+use crate::camera::Image;
 use crate::dataset::viridis;
 use plotters::prelude::DrawingBackend;
 use plotters::style::RGBAColor;
@@ -87,6 +88,7 @@ pub fn draw<DB: DrawingBackend>(figure: &Figure, canvas: &Canvas<DB>) -> Drawn {
         match panel {
             Panel::Plot(plot) => draw_plot(plot, cell, canvas)?,
             Panel::Depth(depth) => draw_depth(depth, cell, canvas)?,
+            Panel::Picture(picture) => draw_picture(picture, cell, canvas)?,
         }
     }
     Ok(())
@@ -246,45 +248,72 @@ fn draw_depth<DB: DrawingBackend>(panel: &DepthPanel, cell: Area, canvas: &Canva
     let metres = |mm: u16| format!("{} m", f64::from(mm) / 1000.0);
     let scale_width =
         BAR + 24.0 + text_width(&metres(near), TICK).max(text_width(&metres(far), TICK));
+    let range = f64::from(far) - f64::from(near);
+    let colour = |&mm: &u16| match mm {
+        0 => [0, 0, 0],
+        mm => viridis((f64::from(far) - f64::from(mm)) / range),
+    };
+    let drawn = draw_image(
+        &panel.title,
+        &panel.image,
+        colour,
+        cell,
+        scale_width,
+        canvas,
+    )?;
+    let bar = drawn.right + 12.0;
+    canvas.picture(
+        (bar, drawn.top),
+        (BAR as usize, drawn.height() as usize),
+        |_, down| viridis(1.0 - down),
+    )?;
+    let beside = bar + BAR + 8.0;
+    for (mm, at) in [
+        (near, drawn.top + TICK / 2.0),
+        (far, drawn.bottom - TICK / 2.0),
+    ] {
+        canvas.text(&metres(mm), (beside, at), TICK, LEFT, false)?;
+    }
+    Ok(())
+}
+
+fn draw_picture<DB: DrawingBackend>(panel: &Picture, cell: Area, canvas: &Canvas<DB>) -> Drawn {
+    draw_image(&panel.title, &panel.image, |&rgb| rgb, cell, 0.0, canvas).map(|_| ())
+}
+
+/// Draws an image below its title, as large as it fits beside `reserved` pixels, and returns where.
+fn draw_image<DB: DrawingBackend, T>(
+    title: &str,
+    image: &Image<T>,
+    colour: impl Fn(&T) -> [u8; 3],
+    cell: Area,
+    reserved: f64,
+    canvas: &Canvas<DB>,
+) -> Result<Area, FigureError> {
     let top = cell.top
-        + if panel.title.is_empty() {
+        + if title.is_empty() {
             8.0
         } else {
             1.6 * PANEL_TITLE
         };
-    let image = &panel.image;
-    let zoom = ((cell.width() - scale_width - 16.0) / image.width as f64)
+    let zoom = ((cell.width() - reserved - 16.0) / image.width as f64)
         .min((cell.bottom - top - 12.0) / image.height as f64);
     let size = |n: usize| ((n as f64 * zoom) as usize).max(1);
     let (width, height) = (size(image.width), size(image.height));
-    let left = (cell.left + cell.right - width as f64 - scale_width) / 2.0;
+    let left = (cell.left + cell.right - width as f64 - reserved) / 2.0;
     let title_at = (left + width as f64 / 2.0, cell.top + 0.7 * PANEL_TITLE);
-    canvas.text(&panel.title, title_at, PANEL_TITLE, CENTRE, false)?;
-
+    canvas.text(title, title_at, PANEL_TITLE, CENTRE, false)?;
     let pixel = |across: f64, down: f64| {
         let column = (across * image.width as f64) as usize;
         let row = (down * image.height as f64) as usize;
-        match image.pixels.get(row * image.width + column) {
-            None | Some(0) => [0, 0, 0],
-            Some(&mm) => {
-                let range = f64::from(far) - f64::from(near);
-                viridis((f64::from(far) - f64::from(mm)) / range)
-            }
-        }
+        let pixel = image.pixels.get(row * image.width + column);
+        pixel.map_or([0; 3], &colour)
     };
     canvas.picture((left, top), (width, height), pixel)?;
-    let bar = left + width as f64 + 12.0;
-    canvas.picture((bar, top), (BAR as usize, height), |_, down| {
-        viridis(1.0 - down)
-    })?;
-    let beside = bar + BAR + 8.0;
-    let bottom = top + height as f64;
-    canvas.text(&metres(near), (beside, top + TICK / 2.0), TICK, LEFT, false)?;
-    canvas.text(
-        &metres(far),
-        (beside, bottom - TICK / 2.0),
-        TICK,
-        LEFT,
-        false,
-    )
+    Ok(Area {
+        left,
+        top,
+        right: left + width as f64,
+        bottom: top + height as f64,
+    })
 }

@@ -7,3 +7,5 @@ pub mod pose_forest;
 pub mod pose_maps;
 pub mod training_times;
 pub mod wsc_nodes;
+pub mod segmentation;
+pub mod segmentation_forest;

@@ -5,7 +5,7 @@ use super::distances::DistancesTask;
 use crate::Progress;
 use crate::dataset::{DataSet, sample_pixels};
 use crate::experiment::task::{Cost, Stage, Task};
-use crate::feature::{DepthFeatures, FeatureSpec, PaddedDepth, SampleMatrix};
+use crate::feature::{DepthFeatures, Extra, FeatureSpec, PaddedDepth, SampleMatrix};
 use crate::forest::ForestError;
 use crate::forest::bins::BinnedMatrix;
 use crate::forest::grow::{GrowSpec, TargetTable};
@@ -68,7 +68,7 @@ impl PoseForestTask {
     /// All that trees are grown from but the objective. `set` is the result of `self.set`.
     pub fn samples_of(&self, set: &DataSet) -> Result<Samples> {
         let mut stream_of_features = stream(self.set.seed, "features", &[]);
-        let features = DepthFeatures::draw(&self.training.features, &mut stream_of_features)?;
+        let features = DepthFeatures::draw(&self.training.features, Extra::Nothing, &mut stream_of_features)?;
         let binned = BinnedMatrix::new(&self.sample_matrix(set, &features)?)?;
         let poses: Vec<f64> = self
             .images
@@ -137,7 +137,7 @@ impl Task for PoseForestTask {
     fn stage(&self) -> Stage {
         Stage {
             name: "pose-forest".to_owned(),
-            version: 1,
+            version: 2,
         }
     }
 

@@ -1,0 +1,145 @@
+//! Which arm each pixel shows, and an image of nothing but one arm (section III-D).
+
+use crate::camera::{DepthImage, Image, LabelImage};
+use crate::feature::PaddedDepth;
+use crate::forest::segmentation_forest::SegmentationForest;
+use serde::{Deserialize, Serialize};
+
+/// An image shows the arm when at least so many of its pixels are classified as the arm. Chosen on the
+/// tuning images, see DEVIATIONS.md.
+pub const LEAST_ARM_PIXELS: usize = 300;
+
+/// What the segmentation forest says of an image.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Segmentation {
+    /// The class with the largest share at each pixel, of equals the first; 0 where depth is invalid.
+    pub classes: LabelImage,
+    /// The share of one class, in 255ths; 0 where depth is invalid.
+    pub share: Image<u8>,
+}
+
+/// Classifies the valid pixels of an image, in parallel. `of` is the class whose share is wanted.
+/// Panics when the forest has no such class, or more than 256.
+pub fn segment(forest: &SegmentationForest, depth: &DepthImage, of: usize) -> Segmentation {
+    let padded = PaddedDepth::new(depth, forest.features().reach());
+    let valid: Vec<usize> = (0..depth.pixels.len())
+        .filter(|&at| depth.pixels[at] > 0)
+        .collect();
+    let position = |&at: &usize| padded.position(at % depth.width, at / depth.width);
+    let positions: Vec<u32> = valid.iter().map(position).collect();
+    let shares = forest.shares(&forest.features().on(&padded), &positions);
+    let blank = || Image {
+        width: depth.width,
+        height: depth.height,
+        pixels: vec![0; depth.pixels.len()],
+    };
+    let (mut classes, mut share) = (blank(), blank());
+    for (&at, shares) in valid
+        .iter()
+        .zip(shares.chunks_exact(forest.classes().len()))
+    {
+        let mut best = 0;
+        for class in 1..shares.len() {
+            if shares[class] > shares[best] {
+                best = class;
+            }
+        }
+        classes.pixels[at] = best as u8;
+        share.pixels[at] = (shares[of] * 255.0).round() as u8;
+    }
+    Segmentation { classes, share }
+}
+
+/// The image without the pixels that are not `kept`: they become invalid.
+pub fn masked(depth: &DepthImage, kept: impl Fn(usize) -> bool) -> DepthImage {
+    let pixel = |(at, &mm): (usize, &u16)| if kept(at) { mm } else { 0 };
+    DepthImage {
+        width: depth.width,
+        height: depth.height,
+        pixels: depth.pixels.iter().enumerate().map(pixel).collect(),
+    }
+}
+
+/// How many valid pixels of each class (first index) were given each class (second index).
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Confusion(pub Vec<Vec<usize>>);
+
+impl Confusion {
+    pub fn new(classes: usize) -> Confusion {
+        Confusion(vec![vec![0; classes]; classes])
+    }
+
+    pub fn add(&mut self, other: &Confusion) {
+        for (row, others) in self.0.iter_mut().zip(&other.0) {
+            row.iter_mut().zip(others).for_each(|(sum, n)| *sum += n);
+        }
+    }
+
+    /// Pixels that are of a class.
+    pub fn pixels(&self, class: usize) -> usize {
+        self.0[class].iter().sum()
+    }
+
+    /// Pixels that were given a class.
+    pub fn given(&self, class: usize) -> usize {
+        self.0.iter().map(|row| row[class]).sum()
+    }
+
+    /// The share of the pixels given a class that are of it; NaN when none was given it.
+    pub fn precision(&self, class: usize) -> f64 {
+        self.0[class][class] as f64 / self.given(class) as f64
+    }
+
+    /// The share of the pixels of a class that were given it; NaN when there are none.
+    pub fn recall(&self, class: usize) -> f64 {
+        self.0[class][class] as f64 / self.pixels(class) as f64
+    }
+
+    /// The harmonic mean of precision and recall: the share of the pixels both given and of the class
+    /// in the mean of those given and those of it.
+    pub fn f1(&self, class: usize) -> f64 {
+        let both = self.0[class][class] as f64;
+        2.0 * both / (self.pixels(class) + self.given(class)) as f64
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::random::{below, stream};
+
+    /// By hand, and f1 by its definition.
+    #[test]
+    fn scores_of_a_known_confusion() {
+        let confusion = Confusion(vec![vec![90, 10, 0], vec![5, 40, 5], vec![0, 10, 40]]);
+        assert_eq!(confusion.pixels(1), 50);
+        assert_eq!(confusion.given(1), 60);
+        assert_eq!(confusion.recall(1), 0.8);
+        assert_eq!(confusion.precision(0), 90.0 / 95.0);
+        for class in 0..3 {
+            let (p, r) = (confusion.precision(class), confusion.recall(class));
+            assert!((confusion.f1(class) - 2.0 * p * r / (p + r)).abs() < 1e-15);
+        }
+        let mut twice = confusion.clone();
+        twice.add(&confusion);
+        assert_eq!(twice.f1(2), confusion.f1(2));
+        assert_eq!(twice.pixels(0), 200);
+    }
+
+    #[test]
+    fn masks_only_take_away() {
+        let mut random = stream(1, "mask", &[]);
+        let depth = DepthImage {
+            width: 8,
+            height: 5,
+            pixels: (0..40)
+                .map(|_| below(&mut random, 3) as u16 * 900)
+                .collect(),
+        };
+        assert_eq!(masked(&depth, |_| true), depth);
+        let odd = masked(&depth, |at| at % 2 == 1);
+        for (at, &mm) in odd.pixels.iter().enumerate() {
+            assert_eq!(mm, if at % 2 == 1 { depth.pixels[at] } else { 0 });
+        }
+    }
+}

@@ -1,0 +1,122 @@
+//! The segmentation forest: which class its trees give a pixel (section III-D).
+
+use super::ForestError;
+use super::leaves::{LeafTable, check_leaves};
+use super::model_file::{self, Fault, ModelError};
+use super::tree::Tree;
+use crate::feature::{DepthFeatures, FeaturesOnImage};
+use rayon::prelude::*;
+use serde::{Deserialize, Serialize};
+use std::path::Path;
+
+/// Trees with the share of each class in each leaf.
+#[derive(Debug, Clone, PartialEq)]
+pub struct SegmentationForest {
+    header: Header,
+    trees: Vec<Tree>,
+    leaves: Vec<LeafTable>,
+}
+
+/// What a model file says about the forest besides its trees.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct Header {
+    kind: Kind,
+    classes: Vec<String>,
+    features: DepthFeatures,
+}
+
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+enum Kind {
+    #[serde(rename = "segmentation forest")]
+    SegmentationForest,
+}
+
+/// Pixels that one thread walks through a tree before it turns to the next, which takes the place
+/// of the last in the cache.
+const RUN: usize = 1 << 15;
+
+impl SegmentationForest {
+    /// Joins the features that trees were grown on, the names of the classes, the trees, and the
+    /// tables of their leaves, which hold the share of each class (see
+    /// [`grow_means`](super::leaves::grow_means)).
+    pub fn new(
+        features: DepthFeatures,
+        classes: Vec<String>,
+        trees: Vec<Tree>,
+        leaves: Vec<LeafTable>,
+    ) -> Result<Self, ForestError> {
+        let header = Header {
+            kind: Kind::SegmentationForest,
+            classes,
+            features,
+        };
+        Self::join(header, trees, leaves)
+    }
+
+    fn join(header: Header, trees: Vec<Tree>, leaves: Vec<LeafTable>) -> Result<Self, ForestError> {
+        if header.classes.is_empty() {
+            return Err(ForestError::Zero("the number of classes"));
+        }
+        check_leaves(&trees, &leaves, header.classes.len())?;
+        Ok(Self {
+            header,
+            trees,
+            leaves,
+        })
+    }
+
+    /// Writes a model file, see [`model_file`].
+    pub fn save(&self, path: &Path) -> Result<(), ModelError> {
+        model_file::write(path, &self.header, &self.trees, &self.leaves)
+    }
+
+    /// Reads what [`Self::save`] wrote.
+    pub fn load(path: &Path) -> Result<Self, ModelError> {
+        let (header, trees, leaves) =
+            model_file::read(path, |header: &Header| header.features.count())?;
+        Self::join(header, trees, leaves).map_err(|fault| ModelError::Unusable {
+            path: path.to_owned(),
+            fault: Fault::Inconsistent(fault),
+        })
+    }
+
+    pub fn features(&self) -> &DepthFeatures {
+        &self.header.features
+    }
+
+    /// What the classes are called, in the order of their numbers.
+    pub fn classes(&self) -> &[String] {
+        &self.header.classes
+    }
+
+    pub fn trees(&self) -> &[Tree] {
+        &self.trees
+    }
+
+    /// The share of each class in the leaves of a pixel, mean over the trees: pixel by pixel, one
+    /// number a class, in parallel. `image` is `self.features().on(&padded)`; neighbouring
+    /// `positions` should stand together.
+    pub fn shares(&self, image: &FeaturesOnImage, positions: &[u32]) -> Vec<f32> {
+        let classes = self.header.classes.len();
+        let mut shares = vec![0.0; positions.len() * classes];
+        positions
+            .par_chunks(RUN)
+            .zip(shares.par_chunks_mut(RUN * classes))
+            .for_each(|(positions, shares)| {
+                let mut found = vec![0; positions.len()];
+                for (tree, table) in self.trees.iter().zip(&self.leaves) {
+                    tree.find_leaves(positions, |f, p| image.value(f, p), &mut found);
+                    for (sums, &leaf) in shares.chunks_exact_mut(classes).zip(&found) {
+                        let row = table.row(leaf as usize);
+                        sums.iter_mut()
+                            .zip(row)
+                            .for_each(|(sum, share)| *sum += share);
+                    }
+                }
+                let trees = self.trees.len() as f32;
+                shares.iter_mut().for_each(|sum| *sum /= trees);
+            });
+        shares
+    }
+}
