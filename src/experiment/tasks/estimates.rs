@@ -4,8 +4,8 @@ use super::pose_forest::{FOREST_FILE, PoseForestTask};
 use crate::Progress;
 use crate::dataset::DataSet;
 use crate::estimator::image::{ImageEstimate, combine};
+use crate::estimator::segmentation::LEAST_ARM_PIXELS;
 use crate::experiment::task::{Cost, Stage, Task};
-use crate::feature::PaddedDepth;
 use crate::forest::pose_forest::PoseForest;
 use anyhow::{Context, Result, bail};
 use rayon::prelude::*;
@@ -13,7 +13,8 @@ use serde::{Deserialize, Serialize};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-/// Estimates the pose in some images with their valid pixels: the file `estimates.json`.
+/// Estimates the pose in some images with the valid pixels that the forest sees: the file
+/// `estimates.json`.
 pub struct EstimatesTask {
     pub forest: Arc<PoseForestTask>,
     /// The test images, ascending.
@@ -30,7 +31,11 @@ pub struct EstimatesTask {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Estimated {
     pub image: usize,
-    pub estimate: ImageEstimate,
+    /// Pixels classified as the arm; absent without segmentation.
+    pub arm_pixels: Option<usize>,
+    /// Absent when fewer than [`LEAST_ARM_PIXELS`] pixels are classified as the arm, or none take part:
+    /// then nothing can be said of its pose.
+    pub estimate: Option<ImageEstimate>,
 }
 
 const FILE: &str = "estimates.json";
@@ -70,7 +75,7 @@ impl Task for EstimatesTask {
     fn stage(&self) -> Stage {
         Stage {
             name: "estimates".to_owned(),
-            version: 1,
+            version: 2,
         }
     }
 
@@ -88,7 +93,9 @@ impl Task for EstimatesTask {
     }
 
     fn inputs(&self) -> Vec<Arc<dyn Task>> {
-        vec![self.forest.clone(), self.forest.set.clone()]
+        let mut inputs: Vec<Arc<dyn Task>> = vec![self.forest.clone(), self.forest.set.clone()];
+        inputs.extend(self.forest.sight.input());
+        inputs
     }
 
     fn cost(&self) -> Cost {
@@ -109,10 +116,14 @@ impl Task for EstimatesTask {
         let mut forest = PoseForest::load(&inputs[0].join(FOREST_FILE))?;
         forest.keep_trees(self.trees);
         forest.set_sigma(self.sigma)?;
+        let sight = &self.forest.sight;
+        let segmented = inputs.get(2).map(PathBuf::as_path);
+        let arm_pixels = sight.arm_pixels(&set, segmented)?;
         let arm_of_label = set.arm_of_label();
         let estimate = |&image: &usize| {
-            let frame = set.frame(image)?;
-            let depth = PaddedDepth::new(&frame.depth, forest.features().reach());
+            let seen = sight.look(&set, segmented, image)?;
+            let depth = seen.padded(forest.features());
+            let frame = &seen.frame;
             let (mut positions, mut foreground) = (Vec::new(), Vec::new());
             for (at, (&mm, &label)) in frame
                 .depth
@@ -127,11 +138,18 @@ impl Task for EstimatesTask {
                     foreground.push(arm_of_label[usize::from(label)].is_some());
                 }
             }
+            let arm_pixels = arm_pixels.as_ref().map(|pixels| pixels[image]);
             let leaves = forest.find_leaves(&forest.features().on(&depth), &positions);
-            let estimate = combine(&forest, &leaves, &foreground)
-                .with_context(|| format!("image {image} has no valid pixel"))?;
+            let estimate = match arm_pixels {
+                Some(pixels) if pixels < LEAST_ARM_PIXELS => None,
+                _ => combine(&forest, &leaves, &foreground),
+            };
             progress(1);
-            Ok(Estimated { image, estimate })
+            Ok(Estimated {
+                image,
+                arm_pixels,
+                estimate,
+            })
         };
         let estimated = self
             .images

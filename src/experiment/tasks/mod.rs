@@ -9,3 +9,4 @@ pub mod training_times;
 pub mod wsc_nodes;
 pub mod segmentation;
 pub mod segmentation_forest;
+pub mod sight;
