@@ -22,10 +22,28 @@ pub struct ImageEstimate {
 pub struct ThresholdEstimate {
     /// Eq. 13, in the units and the order of the forest's poses.
     pub pose: Vec<f64>,
-    /// How many pixels were chosen, at least 1.
+    /// How many pixels were chosen, at least 1; 0 in a [guess](ImageEstimate::guess).
     pub pixels: usize,
     /// How many of them are foreground.
     pub foreground: usize,
+}
+
+impl ImageEstimate {
+    /// A pose that stands for an estimate where nothing can be said: of no pixel, without confidence,
+    /// the same at every threshold.
+    pub fn guess(pose: &[f64]) -> Self {
+        let guess = ThresholdEstimate {
+            pose: pose.to_vec(),
+            pixels: 0,
+            foreground: 0,
+        };
+        Self {
+            min_confidence: 0.0,
+            mean_confidence: 0.0,
+            max_confidence: 0.0,
+            thresholds: vec![guess; STEPS + 1],
+        }
+    }
 }
 
 /// Combines the pixels whose leaves are given; `foreground[p]` says whether pixel p shows an arm,

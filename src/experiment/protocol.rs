@@ -7,6 +7,7 @@ use super::task::Task;
 use super::tasks::data_set::DataSetTask;
 use super::tasks::estimates::EstimatesTask;
 use super::tasks::pose_forest::{PoseForestTask, Training};
+use super::tasks::sight::Sight;
 use crate::dataset::{DataSet, folds};
 use crate::estimator::error::{angle_error, mean_pose, tip_error};
 use crate::estimator::image::{ImageEstimate, STEPS};
@@ -49,7 +50,12 @@ pub struct Outcome {
     pub image: usize,
     pub fold: usize,
     pub truth: Vec<f64>,
+    /// A guess, the mean pose of the training images, where no arm is seen.
     pub estimate: ImageEstimate,
+    /// Whether the image's segmentation shows the arm; always without one.
+    pub arm_seen: bool,
+    /// Pixels classified as the arm; absent without segmentation.
+    pub arm_pixels: Option<usize>,
     /// The mean pose of the training images.
     pub constant: Vec<f64>,
     /// Valid pixels, and those of the arm that is estimated.
@@ -92,16 +98,27 @@ impl CrossValidation {
     /// The tasks that test every image once, one for each fold, with the protocol's own training
     /// and bandwidth.
     pub fn estimates(&self, objective: &'static ObjectiveKind) -> Result<Vec<Arc<EstimatesTask>>> {
+        self.estimates_seen(objective, &Sight::WHOLE)
+    }
+
+    /// The same by forests that see the images in another way.
+    pub fn estimates_seen(
+        &self,
+        objective: &'static ObjectiveKind,
+        sight: &Sight,
+    ) -> Result<Vec<Arc<EstimatesTask>>> {
         let Protocol {
             training, sigma, ..
         } = &self.protocol;
-        self.estimates_with(objective, training, *sigma, training.forest.trees)
+        let trees = training.forest.trees;
+        self.estimates_with(objective, sight, training, *sigma, trees)
     }
 
     /// The same with another training, bandwidth and number of trees that take part.
     pub fn estimates_with(
         &self,
         objective: &'static ObjectiveKind,
+        sight: &Sight,
         training: &Training,
         sigma: f64,
         trees: usize,
@@ -114,6 +131,7 @@ impl CrossValidation {
                 images: (0..self.protocol.images).filter(is_training).collect(),
                 objective,
                 training: training.clone(),
+                sight: sight.clone(),
                 fold,
             };
             let task = EstimatesTask::new(Arc::new(forest), test.clone(), sigma, trees, stride)?;
@@ -145,7 +163,11 @@ impl CrossValidation {
                     image: estimated.image,
                     fold: forest.fold,
                     truth: set.pose(estimated.image).to_vec(),
-                    estimate: estimated.estimate,
+                    arm_seen: estimated.estimate.is_some(),
+                    arm_pixels: estimated.arm_pixels,
+                    estimate: estimated
+                        .estimate
+                        .unwrap_or_else(|| ImageEstimate::guess(&constant)),
                     constant: constant.clone(),
                     valid: record.valid,
                     visible: record.arms[set.target()],

@@ -10,6 +10,7 @@ use crate::experiment::table::{Cell, Table};
 use crate::experiment::task::Task;
 use crate::experiment::tasks::estimates::EstimatesTask;
 use crate::experiment::tasks::pose_forest::Training;
+use crate::experiment::tasks::sight::Sight;
 use crate::forest::objective::ObjectiveKind;
 use anyhow::{Result, bail};
 use serde::{Deserialize, Serialize};
@@ -112,7 +113,13 @@ pub fn define(specification: Specification<Parameters, Test>) -> Result<Box<dyn 
         wanted.push((Sweep::Sigma, base.clone(), sigma, base.forest.trees));
     }
     let setting = |(sweep, training, sigma, trees): (Sweep, Training, f64, usize)| {
-        let tasks = validation.estimates_with(parameters.objective, &training, sigma, trees)?;
+        let tasks = validation.estimates_with(
+            parameters.objective,
+            &Sight::WHOLE,
+            &training,
+            sigma,
+            trees,
+        )?;
         Ok(Setting {
             sweep,
             training,

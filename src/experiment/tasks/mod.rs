@@ -10,3 +10,4 @@ pub mod wsc_nodes;
 pub mod segmentation;
 pub mod segmentation_forest;
 pub mod sight;
+pub mod training_times;

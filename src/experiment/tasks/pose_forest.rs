@@ -2,10 +2,11 @@
 
 use super::data_set::DataSetTask;
 use super::distances::DistancesTask;
+use super::sight::Sight;
 use crate::Progress;
-use crate::dataset::{DataSet, sample_pixels};
+use crate::dataset::DataSet;
 use crate::experiment::task::{Cost, Stage, Task};
-use crate::feature::{DepthFeatures, Extra, FeatureSpec, PaddedDepth, SampleMatrix};
+use crate::feature::{DepthFeatures, FeatureSpec, SampleMatrix};
 use crate::forest::ForestError;
 use crate::forest::bins::BinnedMatrix;
 use crate::forest::grow::{GrowSpec, TargetTable};
@@ -39,6 +40,8 @@ pub struct PoseForestTask {
     pub images: Vec<usize>,
     pub objective: &'static ObjectiveKind,
     pub training: Training,
+    /// What the forest sees of the images, in training and when it estimates.
+    pub sight: Sight,
     /// Which of several forests that differ in their images: part of the trees' seed.
     pub fold: usize,
 }
@@ -65,18 +68,31 @@ impl PoseForestTask {
         self.images.len() * self.samples_per_image()
     }
 
-    /// All that trees are grown from but the objective. `set` is the result of `self.set`.
-    pub fn samples_of(&self, set: &DataSet) -> Result<Samples> {
+    /// All that trees are grown from but the objective. `set` and `segmented` are the results of
+    /// `self.set` and of what `self.sight` takes as input.
+    pub fn samples_of(&self, set: &DataSet, segmented: Option<&Path>) -> Result<Samples> {
         let mut stream_of_features = stream(self.set.seed, "features", &[]);
-        let features = DepthFeatures::draw(&self.training.features, Extra::Nothing, &mut stream_of_features)?;
-        let binned = BinnedMatrix::new(&self.sample_matrix(set, &features)?)?;
+        let extra = self.sight.extra();
+        let features =
+            DepthFeatures::draw(&self.training.features, extra, &mut stream_of_features)?;
+        // An image of which nothing is left has nothing to draw from.
+        let counts: Vec<usize> = match self.sight.arm_pixels(set, segmented)? {
+            Some(pixels) if self.sight.kind.removes() => {
+                let has_pixels = |&image: &usize| usize::from(pixels[image] > 0);
+                let images = self.images.iter().map(has_pixels);
+                images.map(|any| any * self.samples_per_image()).collect()
+            }
+            _ => vec![self.samples_per_image(); self.images.len()],
+        };
+        let matrix = self.sample_matrix(set, segmented, &features, &counts)?;
+        let binned = BinnedMatrix::new(&matrix)?;
         let poses: Vec<f64> = self
             .images
             .iter()
             .flat_map(|&i| set.pose(i))
             .copied()
             .collect();
-        let of_image = |row: usize| std::iter::repeat_n(row as u16, self.samples_per_image());
+        let of_image = |row: usize| std::iter::repeat_n(row as u16, counts[row]);
         Ok(Samples {
             features,
             binned,
@@ -109,20 +125,28 @@ impl PoseForestTask {
 
     /// The features' values at the pixels drawn from each image. Features and pixels are the same
     /// for all folds and objectives.
-    fn sample_matrix(&self, set: &DataSet, features: &DepthFeatures) -> Result<SampleMatrix> {
+    fn sample_matrix(
+        &self,
+        set: &DataSet,
+        segmented: Option<&Path>,
+        features: &DepthFeatures,
+        counts: &[usize],
+    ) -> Result<SampleMatrix> {
         let arms = set.arm_of_label();
-        let counts = vec![self.samples_per_image(); self.images.len()];
-        SampleMatrix::fill(features.count(), &counts, |row, runs| {
+        SampleMatrix::fill(features.count(), counts, |row, runs| {
+            if counts[row] == 0 {
+                return Ok(());
+            }
             let image = self.images[row];
-            let frame = set.frame(image)?;
+            let seen = self.sight.look(set, segmented, image)?;
             let mut stream = stream(
                 self.set.seed,
                 &format!("pixels of {}", self.set.spec.name),
                 &[image as u64],
             );
             let (foreground, background) = (self.training.foreground, self.training.background);
-            let pixels = sample_pixels(&frame, &arms, foreground, background, &mut stream)?;
-            let depth = PaddedDepth::new(&frame.depth, features.reach());
+            let pixels = seen.sample(&arms, foreground, background, &mut stream)?;
+            let depth = seen.padded(features);
             let positions: Vec<u32> = pixels
                 .iter()
                 .map(|&(x, y)| depth.position(x.into(), y.into()))
@@ -147,8 +171,9 @@ impl Task for PoseForestTask {
             .max_depth
             .map_or(String::new(), |most| format!(", depth {most}"));
         format!(
-            "forest on {} (leaves {}, features {}{depth}), fold {} of {}",
+            "forest on {}{} (leaves {}, features {}{depth}), fold {} of {}",
             self.objective.title,
+            self.sight.label(),
             forest.min_leaf,
             forest.features_per_node,
             self.fold + 1,
@@ -161,6 +186,7 @@ impl Task for PoseForestTask {
             "images": self.images,
             "objective": self.objective,
             "training": self.training,
+            "segmentation": self.sight.kind,
             "fold": self.fold,
             "seed": self.set.seed,
         })
@@ -168,10 +194,12 @@ impl Task for PoseForestTask {
 
     fn inputs(&self) -> Vec<Arc<dyn Task>> {
         let set = self.set.clone();
-        match self.objective.make {
-            Make::OfPoses(_) => vec![set],
-            Make::OfDistances(_) => vec![set.clone(), Arc::new(DistancesTask { set })],
+        let mut inputs: Vec<Arc<dyn Task>> = vec![set.clone()];
+        if let Make::OfDistances(_) = self.objective.make {
+            inputs.push(Arc::new(DistancesTask { set }));
         }
+        inputs.extend(self.sight.input());
+        inputs
     }
 
     fn cost(&self) -> Cost {
@@ -193,7 +221,8 @@ impl Task for PoseForestTask {
 
     fn run(&self, inputs: &[PathBuf], out: &Path, progress: Progress<'_>) -> Result<()> {
         let set = DataSet::open(&inputs[0])?;
-        let samples = self.samples_of(&set)?;
+        let segmented = self.sight.input().and(inputs.last());
+        let samples = self.samples_of(&set, segmented.map(PathBuf::as_path))?;
         let distances;
         let objective = match self.objective.make {
             Make::OfPoses(make) => make(&samples.poses)?,

@@ -38,6 +38,22 @@ impl SegmentationKind {
         }
     }
 
+    /// The kind with this `id`.
+    pub fn named(id: &str) -> Option<SegmentationKind> {
+        let kinds = [Self::None, Self::Forest, Self::Truth, Self::Context];
+        kinds.into_iter().find(|kind| kind.id() == id)
+    }
+
+    /// As figures call images segmented so.
+    pub fn title(self) -> &'static str {
+        match self {
+            SegmentationKind::None => "images as they are",
+            SegmentationKind::Forest => "segmented by the forest",
+            SegmentationKind::Truth => "segmented by the truth",
+            SegmentationKind::Context => "segmentation as context",
+        }
+    }
+
     pub fn needs_forest(self) -> bool {
         matches!(self, SegmentationKind::Forest | SegmentationKind::Context)
     }
@@ -65,6 +81,12 @@ pub struct Seen {
 }
 
 impl Sight {
+    /// All of every image.
+    pub const WHOLE: Sight = Sight {
+        kind: SegmentationKind::None,
+        task: None,
+    };
+
     /// `forest` segments the set that is seen; it is asked when the kind needs it.
     pub fn new(
         kind: SegmentationKind,
@@ -77,6 +99,14 @@ impl Sight {
     /// The segmentation, to be among the inputs of whoever sees.
     pub fn input(&self) -> Option<Arc<dyn Task>> {
         Some(self.task.clone()?)
+    }
+
+    /// What it adds to the label of a task.
+    pub fn label(&self) -> String {
+        match self.kind {
+            SegmentationKind::None => String::new(),
+            kind => format!(", segmentation {}", kind.id()),
+        }
     }
 
     /// The features that follow those of eq. 4.

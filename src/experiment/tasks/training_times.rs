@@ -185,11 +185,11 @@ impl Task for TrainingTimesTask {
             robot: &rig.robot,
             set: &set,
         };
-        let samples = first.samples_of(&set)?;
+        let samples = first.samples_of(&set, None)?;
         let few: Vec<Samples> = self
             .published
             .iter()
-            .map(|task| task.samples_of(&set))
+            .map(|task| task.samples_of(&set, None))
             .collect::<Result<_>>()?;
         let mut times = Vec::new();
         // Side by side: what disturbs the machine for a while disturbs all alike.

@@ -6,6 +6,7 @@ use crate::experiment::protocol::{PoseError, Protocol};
 use crate::experiment::statistics::{mean, quantile, standard_deviation};
 use crate::experiment::study::Report;
 use crate::experiment::table::{Cell, Table};
+use crate::experiment::tasks::sight::SegmentationKind;
 use anyhow::Result;
 
 /// What is measured.
@@ -54,19 +55,25 @@ impl CrossValidationStudy {
                 self.figure(methods, &measures),
             )],
             claims: self.verdicts(methods)?,
-            text: text(methods, &measures),
+            text: text(
+                methods,
+                &self.specification.parameters.segmentation,
+                &measures,
+            ),
         })
     }
 
     /// A row for each image by each method, with the pose in radians.
     fn data(&self, methods: &[Method], joints: &[&str]) -> Table {
-        const COLUMNS: [&str; 13] = [
+        const COLUMNS: [&str; 15] = [
             "image",
             "fold",
             "method",
             "segmentation",
             "visible_px",
             "valid_px",
+            "classified_px",
+            "arm_seen",
             "chosen_px",
             "chosen_foreground_px",
             "error_deg",
@@ -85,19 +92,22 @@ impl CrossValidationStudy {
             } in &method.results
             {
                 let chosen = &outcome.estimate.thresholds[self.step];
-                let ours = |count: usize| match method.id {
-                    "truth" | "constant-pose" => Cell::Empty,
-                    _ => count.into(),
+                let ours = |cell: Cell| match method.is_reference() {
+                    true => Cell::Empty,
+                    false => cell,
                 };
+                let seen = if outcome.arm_seen { "yes" } else { "no" };
                 let cells: [Cell; COLUMNS.len()] = [
                     outcome.image.into(),
                     outcome.fold.into(),
                     method.id.into(),
-                    "none".into(),
+                    method.segmentation.id().into(),
                     outcome.visible.into(),
                     outcome.valid.into(),
-                    ours(chosen.pixels),
-                    ours(chosen.foreground),
+                    ours(outcome.arm_pixels.into()),
+                    ours(seen.into()),
+                    ours(chosen.pixels.into()),
+                    ours(chosen.foreground.into()),
                     error.all_deg.into(),
                     error.arm_deg.into(),
                     error.hand_deg.into(),
@@ -113,68 +123,108 @@ impl CrossValidationStudy {
 
     fn figure(&self, methods: &[Method], all: &[Measure]) -> Figure {
         let (groups, joints) = all.split_at(DISTANCES.end);
-        // The truth has no error to draw.
-        let drawn = || methods.iter().filter(|method| method.id != "truth");
-        let plot = |title: &str, axis: &str, of: &[Measure]| {
-            let marks = drawn().map(|method| {
-                let bar = |measure: &Measure| {
-                    let folds = method.folds(&measure.of);
-                    let (centre, spread) = (mean(&folds), standard_deviation(&folds));
-                    // Beside each other, those of single joints would hide the bars.
-                    let whisker = of.len() < joints.len();
-                    (
-                        centre,
-                        whisker.then_some((centre - spread, centre + spread)),
-                    )
-                };
-                let bars = Shape::Bars(of.iter().map(bar).collect());
-                Mark::new(method.title, method.colour, bars)
-            });
-            Panel::Plot(Plot {
-                title: title.to_owned(),
-                x: Axis::of("", of.iter().map(|measure| measure.name.clone())),
-                y: Axis::new(axis).including(0.0, 0.0),
-                marks: marks.collect(),
-            })
-        };
-        // Against the pixels that show the arm: the mean of each fifth of the images. A logarithmic
-        // axis has no place for none.
-        let fifths = drawn().map(|method| {
-            let seen = |r: &Tested| (r.outcome.visible.max(1) as f64, r.error.all_deg);
-            let mut points: Vec<(f64, f64)> = method.results.iter().map(seen).collect();
-            points.sort_by(|a, b| a.0.total_cmp(&b.0));
-            let fifth = |points: &[(f64, f64)]| {
-                let errors: Vec<f64> = points.iter().map(|p| p.1).collect();
-                (points[points.len() / 2].0, mean(&errors))
-            };
-            let size = points.len().div_ceil(5);
-            let line = points.chunks(size).map(fifth).collect();
-            Mark::new(method.title, method.colour, Shape::Line(line))
-        });
-        let visibility = Panel::Plot(Plot {
-            title: "Error by what is seen of the arm".to_owned(),
-            x: Axis::new("visible pixels of the arm").log(),
-            y: Axis::new("mean joint error (deg)"),
-            marks: fifths.collect(),
-        });
+        let kinds = &self.specification.parameters.segmentation;
+        let rows: [&dyn Fn(SegmentationKind) -> Panel; 4] = [
+            &|kind| {
+                let axis = "mean absolute error (deg)";
+                bars("Joint error", axis, kind, methods, &groups[ANGLES], true)
+            },
+            &|kind| {
+                let axis = "distance (m)";
+                bars("Distance", axis, kind, methods, &groups[DISTANCES], true)
+            },
+            // Beside each other, whiskers of single joints would hide the bars.
+            &|kind| {
+                let axis = "mean absolute error (deg)";
+                bars("Error of each joint", axis, kind, methods, joints, false)
+            },
+            &|kind| visibility(kind, methods),
+        ];
+        let panels: Vec<Panel> = rows
+            .iter()
+            .flat_map(|row| kinds.iter().map(move |&kind| row(kind)))
+            .collect();
         let Protocol { images, folds, .. } = &self.specification.parameters.protocol;
+        // One way of segmentation fills a square, several have a column each.
+        let columns = kinds.len().max(2);
         Figure {
             title: self.specification.title.clone(),
             caption: format!(
-                "Images without segmentation. Bars: mean over {images} images, each tested by a \
-                 forest that had not seen it; whiskers: one standard deviation over {folds} folds. \
-                 Lines join the means of fifths of the images."
+                "Bars: mean over {images} images, each tested by a forest that had not seen it; \
+                 whiskers: one standard deviation over {folds} folds. Lines join the means of fifths of \
+                 the images."
             ),
-            panels: vec![
-                plot("Joint error", "mean absolute error (deg)", &groups[ANGLES]),
-                plot("Distance", "distance (m)", &groups[DISTANCES]),
-                plot("Error of each joint", "mean absolute error (deg)", joints),
-                visibility,
-            ],
-            columns: 2,
-            size: (2400, 1400),
+            size: (
+                1200 * columns as u32,
+                700 * panels.len().div_ceil(columns) as u32,
+            ),
+            panels,
+            columns,
         }
     }
+}
+
+/// The methods that a panel compares. The truth has no error to draw; the constant pose is beside
+/// every way of segmentation.
+fn drawn(methods: &[Method], kind: SegmentationKind) -> impl Iterator<Item = &Method> {
+    methods.iter().filter(move |method| {
+        method.id == "constant-pose" || !method.is_reference() && method.segmentation == kind
+    })
+}
+
+fn title(what: &str, kind: SegmentationKind) -> String {
+    format!("{what}, {}", kind.title())
+}
+
+fn bars(
+    what: &str,
+    axis: &str,
+    kind: SegmentationKind,
+    methods: &[Method],
+    measures: &[Measure],
+    whiskers: bool,
+) -> Panel {
+    let marks = drawn(methods, kind).map(|method| {
+        let bar = |measure: &Measure| {
+            let folds = method.folds(&measure.of);
+            let (centre, spread) = (mean(&folds), standard_deviation(&folds));
+            (
+                centre,
+                whiskers.then_some((centre - spread, centre + spread)),
+            )
+        };
+        let bars = Shape::Bars(measures.iter().map(bar).collect());
+        Mark::new(method.title, method.colour, bars)
+    });
+    Panel::Plot(Plot {
+        title: title(what, kind),
+        x: Axis::of("", measures.iter().map(|measure| measure.name.clone())),
+        y: Axis::new(axis).including(0.0, 0.0),
+        marks: marks.collect(),
+    })
+}
+
+/// Against the pixels that show the arm: the mean of each fifth of the images. A logarithmic axis
+/// has no place for none.
+fn visibility(kind: SegmentationKind, methods: &[Method]) -> Panel {
+    let fifths = drawn(methods, kind).map(|method| {
+        let seen = |r: &Tested| (r.outcome.visible.max(1) as f64, r.error.all_deg);
+        let mut points: Vec<(f64, f64)> = method.results.iter().map(seen).collect();
+        points.sort_by(|a, b| a.0.total_cmp(&b.0));
+        let fifth = |points: &[(f64, f64)]| {
+            let errors: Vec<f64> = points.iter().map(|p| p.1).collect();
+            (points[points.len() / 2].0, mean(&errors))
+        };
+        let size = points.len().div_ceil(5);
+        let line = points.chunks(size).map(fifth).collect();
+        Mark::new(method.title, method.colour, Shape::Line(line))
+    });
+    Panel::Plot(Plot {
+        title: title("Error by what is seen of the arm", kind),
+        x: Axis::new("visible pixels of the arm").log(),
+        y: Axis::new("mean joint error (deg)"),
+        marks: fifths.collect(),
+    })
 }
 
 /// A row for each measure of each method.
@@ -195,7 +245,7 @@ fn summary(methods: &[Method], measures: &[Measure]) -> Table {
             images.sort_by(f64::total_cmp);
             table.push([
                 method.id.into(),
-                "none".into(),
+                method.segmentation.id().into(),
                 name.as_str().into(),
                 (*unit).into(),
                 mean(&images).into(),
@@ -208,21 +258,27 @@ fn summary(methods: &[Method], measures: &[Measure]) -> Table {
     table
 }
 
-fn text(methods: &[Method], measures: &[Measure]) -> String {
-    let mut table = Table::new(
-        std::iter::once("mean error (sd over folds)".to_owned())
-            .chain(methods.iter().map(|m| m.title.to_owned())),
-    );
-    for Measure { name, unit, of } in measures {
-        let digits = if *unit == "m" { 3 } else { 2 };
-        let row = methods.iter().map(|method| {
-            let (centre, spread) = (
-                mean(&method.images(of)),
-                standard_deviation(&method.folds(of)),
-            );
-            Cell::from(format!("{centre:.digits$} ({spread:.digits$})"))
-        });
-        table.push(std::iter::once(Cell::from(format!("{name} ({unit})"))).chain(row));
+/// A table for each way of segmentation.
+fn text(methods: &[Method], kinds: &[SegmentationKind], measures: &[Measure]) -> String {
+    let mut text = String::new();
+    for &kind in kinds {
+        let shown: Vec<&Method> = drawn(methods, kind).collect();
+        let mut table = Table::new(
+            std::iter::once(format!("mean error (sd over folds), {}", kind.title()))
+                .chain(shown.iter().map(|m| m.title.to_owned())),
+        );
+        for Measure { name, unit, of } in measures {
+            let digits = if *unit == "m" { 3 } else { 2 };
+            let row = shown.iter().map(|method| {
+                let (centre, spread) = (
+                    mean(&method.images(of)),
+                    standard_deviation(&method.folds(of)),
+                );
+                Cell::from(format!("{centre:.digits$} ({spread:.digits$})"))
+            });
+            table.push(std::iter::once(Cell::from(format!("{name} ({unit})"))).chain(row));
+        }
+        text.push_str(&table.to_text());
     }
-    table.to_text()
+    text
 }

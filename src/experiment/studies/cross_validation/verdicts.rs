@@ -3,6 +3,7 @@
 use super::{CrossValidationStudy, Method};
 use crate::experiment::claims::{Claim, ClaimResult, Verdict, difference};
 use crate::experiment::statistics::{mean, quantile, spearman};
+use crate::experiment::tasks::sight::SegmentationKind;
 use crate::forest::objective::ObjectiveKind;
 use crate::random::stream;
 use anyhow::{Context, Result, ensure};
@@ -61,10 +62,12 @@ impl CrossValidationStudy {
         let Some(test) = &claim.test else {
             return Ok(claim.without_test());
         };
-        let method = |id: &str| methods.iter().find(|m| m.id == id);
+        let method = |id: &str| methods.iter().find(|m| m.name() == id);
         if let Some(id) = test.methods().into_iter().find(|id| method(id).is_none()) {
+            let (objective, kind) = id.split_once('/').unwrap_or((id, "none"));
             ensure!(
-                ObjectiveKind::named(id).is_some(),
+                ObjectiveKind::named(objective).is_some()
+                    && SegmentationKind::named(kind).is_some(),
                 "there is no method {id}"
             );
             return Ok(claim.not_checkable(&format!("this run is without {id}")));
@@ -87,7 +90,13 @@ impl CrossValidationStudy {
                 worst = worst.max(Verdict::of(&angle, low, high));
                 ours.push(format!(
                     "{} - {id} = {:.2} deg ({:.2} to {:.2}), {:.4} m DISP ({:.4} to {:.4})",
-                    reference.id, angle.mean, angle.low, angle.high, disp.mean, disp.low, disp.high
+                    reference.name(),
+                    angle.mean,
+                    angle.low,
+                    angle.high,
+                    disp.mean,
+                    disp.low,
+                    disp.high
                 ));
             }
             let ours = format!("{}; 95 % intervals", ours.join("; "));

@@ -6,9 +6,13 @@ pub mod scores;
 use super::sets::SetSize;
 use crate::camera::{Image, LabelImage};
 use crate::experiment::figure::PALETTE;
+use crate::experiment::study::Profile;
+use crate::experiment::study_file::parameters_of;
 use crate::experiment::tasks::data_set::DataSetTask;
 use crate::experiment::tasks::pose_forest::Training;
+use crate::experiment::tasks::segmentation::SegmentationTask;
 use crate::experiment::tasks::segmentation_forest::SegmentationForestTask;
+use crate::experiment::tasks::sight::{SegmentationKind, Sight};
 use anyhow::{Result, bail};
 use serde::{Deserialize, Serialize};
 use std::path::Path;
@@ -42,6 +46,21 @@ impl Parameters {
             training: self.training.clone(),
         }))
     }
+}
+
+/// What pose estimation forests see of the images of `set`. The segmentation forest is that of the
+/// study called `study`.
+pub fn sight(
+    kind: SegmentationKind,
+    study: &str,
+    (root, profile, seed): (&Path, Profile, u64),
+    set: &Arc<DataSetTask>,
+) -> Result<Sight> {
+    Sight::new(kind, || {
+        let parameters: Parameters = parameters_of(root, profile, study)?;
+        let forest = parameters.forest(root, seed)?;
+        Ok(Arc::new(SegmentationTask::new(forest, set.clone())?))
+    })
 }
 
 fn set(root: &Path, set: &SetSize, seed: u64) -> Result<Arc<DataSetTask>> {

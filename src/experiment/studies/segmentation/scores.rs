@@ -98,9 +98,8 @@ impl Found {
     /// A measure of the whole test set with its 95 % interval, images drawn with replacement.
     fn interval(&self, seed: u64, measure: impl Fn(&Confusion) -> f64) -> Interval {
         let mut random = stream(seed, "segmentation interval", &[]);
-        let of = |drawn: &[usize]| {
-            measure(&self.sum(drawn.iter().map(|&image| &self.images[image])))
-        };
+        let of =
+            |drawn: &[usize]| measure(&self.sum(drawn.iter().map(|&image| &self.images[image])));
         bootstrap(self.images.len(), of, &mut random)
     }
 }
