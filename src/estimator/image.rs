@@ -113,7 +113,7 @@ pub fn combine(
 
 /// The largest j with `c >= min + (max - min) j / STEPS`. The most confident pixel reaches `STEPS`,
 /// so no threshold is without pixels.
-fn highest_step(c: f32, min: f32, max: f32) -> usize {
+pub fn highest_step(c: f32, min: f32, max: f32) -> usize {
     let (above, range) = (
         f64::from(c) - f64::from(min),
         f64::from(max) - f64::from(min),

@@ -40,6 +40,8 @@ pub fn kinds() -> Vec<study_file::Kind> {
         study_file::Kind::new("map-quality", map_quality::define),
         study_file::Kind::new("metric-example", metric_example::define),
         study_file::Kind::new("pose-map", pose_map::define),
+        study_file::Kind::new("pipeline", pictures::pipeline::define),
+        study_file::Kind::new("pixel-estimates", pictures::estimates::define),
         study_file::Kind::new("segmentation", segmentation::scores::define),
         study_file::Kind::new("segmentation-images", segmentation::gallery::define),
         study_file::Kind::new("sensor", sensor::define),

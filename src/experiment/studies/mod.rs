@@ -5,6 +5,7 @@ pub mod cross_validation;
 pub mod map_quality;
 pub mod metric_example;
 pub mod pose_map;
+pub mod pictures;
 pub mod segmentation;
 pub mod sensor;
 pub mod sets;

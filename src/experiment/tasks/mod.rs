@@ -3,6 +3,7 @@
 pub mod data_set;
 pub mod distances;
 pub mod estimates;
+pub mod estimation_times;
 pub mod pose_forest;
 pub mod pose_maps;
 pub mod training_times;

@@ -96,9 +96,13 @@ impl Sight {
         Ok(Sight { kind, task })
     }
 
+    pub fn segmentation(&self) -> Option<Arc<SegmentationTask>> {
+        self.task.clone()
+    }
+
     /// The segmentation, to be among the inputs of whoever sees.
     pub fn input(&self) -> Option<Arc<dyn Task>> {
-        Some(self.task.clone()?)
+        Some(self.segmentation()?)
     }
 
     /// What it adds to the label of a task.

@@ -1,6 +1,6 @@
 //! Images beside their segmentation (Fig. 8).
 
-use super::{Parameters as Segmentation, class_colours};
+use super::{Parameters as Segmentation, class_colours, class_legend};
 use crate::dataset::DataSet;
 use crate::estimator::segmentation::Confusion;
 use crate::experiment::claims::Claim;
@@ -109,18 +109,13 @@ impl Study for Gallery {
             .into_par_iter()
             .map(|at| panels(place(at)))
             .collect::<Result<Vec<_>>>()?;
-        let classes = set.classes();
-        let arms = ["Vermilion", "blue", "green"]
-            .into_iter()
-            .zip(&classes[1..]);
-        let legend: Vec<String> = arms.map(|(name, arm)| format!("{name}: {arm}")).collect();
         let rows = shown.div_ceil(2) as u32;
         let figure = Figure {
             title: self.specification.title.clone(),
             caption: format!(
                 "Depth, true and predicted classes of test images, from the worst to the best by the f1 \
-                 score of the arms. {}; black: invalid.",
-                legend.join("; ")
+                 score of the arms. {}",
+                class_legend(&set)
             ),
             panels: panels
                 .into_iter()

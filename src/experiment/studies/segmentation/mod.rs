@@ -5,6 +5,7 @@ pub mod scores;
 
 use super::sets::SetSize;
 use crate::camera::{Image, LabelImage};
+use crate::dataset::DataSet;
 use crate::experiment::figure::PALETTE;
 use crate::experiment::study::Profile;
 use crate::experiment::study_file::parameters_of;
@@ -71,6 +72,16 @@ fn set(root: &Path, set: &SetSize, seed: u64) -> Result<Arc<DataSetTask>> {
 /// The colour of a class in the figures: light blue for the background, then vermilion, blue, green.
 pub fn class_colour(class: usize) -> usize {
     [5, 1, 0, 2][class % 4]
+}
+
+/// What the colours of [`class_colours`] mean, as part of a caption.
+pub fn class_legend(set: &DataSet) -> String {
+    let classes = set.classes();
+    let arms = ["Vermilion", "blue", "green"].iter().zip(&classes[1..]);
+    let arms: Vec<String> = arms
+        .map(|(colour, arm)| format!("{colour}: {arm}"))
+        .collect();
+    format!("{}; grey: background; black: invalid.", arms.join("; "))
 }
 
 /// Classes in colours: arms as [`class_colour`] says, the background light, invalid pixels black.

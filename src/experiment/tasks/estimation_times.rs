@@ -1,0 +1,145 @@
+//! How long it takes to segment an image and to estimate the pose in it, with and without
+//! segmentation.
+
+use super::estimates::EstimatesTask;
+use super::pose_forest::FOREST_FILE;
+use super::segmentation::SegmentationTask;
+use crate::Progress;
+use crate::camera::DepthImage;
+use crate::dataset::DataSet;
+use crate::estimator::image::combine;
+use crate::estimator::segmentation::{masked, segment};
+use crate::experiment::manifest::timing_conditions;
+use crate::experiment::task::{Cost, Stage, Task};
+use crate::feature::PaddedDepth;
+use crate::forest::pose_forest::PoseForest;
+use crate::forest::segmentation_forest::SegmentationForest;
+use anyhow::{Context, Result};
+use serde::{Deserialize, Serialize};
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+use std::time::Instant;
+
+/// Measures the steps of an estimate on images in memory, one image after the other: the file
+/// `times.json`. A measured time is never the same twice; see
+/// [`TrainingTimesTask`](super::training_times::TrainingTimesTask).
+pub struct EstimationTimesTask {
+    /// Estimates of the same images on whole and on segmented images.
+    pub whole: Arc<EstimatesTask>,
+    pub segmented: Arc<EstimatesTask>,
+    pub segmentation: Arc<SegmentationTask>,
+    /// Of several the shortest counts.
+    pub repetitions: usize,
+}
+
+/// Seconds for one image.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Timed {
+    pub image: usize,
+    pub segmenting_s: f64,
+    /// Estimating the pixels of the whole image, and of what segmentation leaves.
+    pub whole_s: f64,
+    pub segmented_s: f64,
+}
+
+const FILE: &str = "times.json";
+
+impl EstimationTimesTask {
+    /// Reads the result from the folder that [`Task::run`] wrote.
+    pub fn read(folder: &Path) -> Result<Vec<Timed>> {
+        let path = folder.join(FILE);
+        let shown = || format!("cannot read {}", path.display());
+        let text = std::fs::read_to_string(&path).with_context(shown)?;
+        serde_json::from_str(&text).with_context(shown)
+    }
+
+    /// The shortest of some repetitions, s.
+    fn shortest(&self, work: impl Fn()) -> f64 {
+        let once = |_| {
+            let clock = Instant::now();
+            work();
+            clock.elapsed().as_secs_f64()
+        };
+        (0..self.repetitions.max(1))
+            .map(once)
+            .fold(f64::INFINITY, f64::min)
+    }
+}
+
+impl Task for EstimationTimesTask {
+    fn stage(&self) -> Stage {
+        Stage {
+            name: "estimation-times".to_owned(),
+            version: 1,
+        }
+    }
+
+    fn label(&self) -> String {
+        format!("times of {} estimates", self.whole.images.len())
+    }
+
+    fn parameters(&self) -> serde_json::Value {
+        serde_json::json!({
+            "images": self.whole.images,
+            "repetitions": self.repetitions,
+            "conditions": timing_conditions(),
+        })
+    }
+
+    fn inputs(&self) -> Vec<Arc<dyn Task>> {
+        vec![
+            self.whole.forest.set.clone(),
+            self.segmentation.forest.clone(),
+            self.whole.forest.clone(),
+            self.segmented.forest.clone(),
+        ]
+    }
+
+    fn cost(&self) -> Cost {
+        Cost {
+            seconds: 0.5 * (self.repetitions * self.whole.images.len()) as f64,
+            megabytes: 500.0,
+        }
+    }
+
+    fn steps(&self) -> u64 {
+        self.whole.images.len() as u64
+    }
+
+    fn run(&self, inputs: &[PathBuf], out: &Path, progress: Progress<'_>) -> Result<()> {
+        let set = DataSet::open(&inputs[0])?;
+        let segmenter = SegmentationForest::load(&inputs[1].join(FOREST_FILE))?;
+        let whole = PoseForest::load(&inputs[2].join(FOREST_FILE))?;
+        let segmented = PoseForest::load(&inputs[3].join(FOREST_FILE))?;
+        let arm = set.target() + 1;
+        let mut times = Vec::new();
+        for &image in &self.whole.images {
+            let depth = set.frame(image)?.depth;
+            let classes = segment(&segmenter, &depth, arm).classes;
+            let of_arm = masked(&depth, |at| usize::from(classes.pixels[at]) == arm);
+            let estimate = |forest: &PoseForest, depth: &DepthImage| {
+                self.shortest(|| {
+                    let padded = PaddedDepth::new(depth, forest.features().reach());
+                    let positions: Vec<u32> = (0..depth.pixels.len())
+                        .filter(|&at| depth.pixels[at] > 0)
+                        .map(|at| padded.position(at % depth.width, at / depth.width))
+                        .collect();
+                    let leaves = forest.find_leaves(&forest.features().on(&padded), &positions);
+                    let shows_arm = vec![true; positions.len()];
+                    std::hint::black_box(combine(forest, &leaves, &shows_arm));
+                })
+            };
+            times.push(Timed {
+                image,
+                segmenting_s: self.shortest(|| {
+                    std::hint::black_box(segment(&segmenter, &depth, arm));
+                }),
+                whole_s: estimate(&whole, &depth),
+                segmented_s: estimate(&segmented, &of_arm),
+            });
+            progress(1);
+        }
+        std::fs::write(out.join(FILE), serde_json::to_vec_pretty(&times)?)?;
+        Ok(())
+    }
+}
