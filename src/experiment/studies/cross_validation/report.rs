@@ -147,6 +147,11 @@ impl CrossValidationStudy {
         let Protocol { images, folds, .. } = &self.specification.parameters.protocol;
         // One way of segmentation fills a square, several have a column each.
         let columns = kinds.len().max(2);
+        let (width, height) = if kinds.len() > 2 {
+            (900, 560)
+        } else {
+            (1200, 700)
+        };
         Figure {
             title: self.specification.title.clone(),
             caption: format!(
@@ -155,8 +160,8 @@ impl CrossValidationStudy {
                  the images."
             ),
             size: (
-                1200 * columns as u32,
-                700 * panels.len().div_ceil(columns) as u32,
+                width * columns as u32,
+                height * panels.len().div_ceil(columns) as u32,
             ),
             panels,
             columns,
