@@ -54,8 +54,8 @@ pub struct Outcome {
     pub estimate: ImageEstimate,
     /// Whether the image's segmentation shows the arm; always without one.
     pub arm_seen: bool,
-    /// Pixels classified as the arm; absent without segmentation.
-    pub arm_pixels: Option<usize>,
+    /// Pixels that surely show the arm; absent without segmentation.
+    pub sure_pixels: Option<usize>,
     /// The mean pose of the training images.
     pub constant: Vec<f64>,
     /// Valid pixels, and those of the arm that is estimated.
@@ -164,7 +164,7 @@ impl CrossValidation {
                     fold: forest.fold,
                     truth: set.pose(estimated.image).to_vec(),
                     arm_seen: estimated.estimate.is_some(),
-                    arm_pixels: estimated.arm_pixels,
+                    sure_pixels: estimated.sure_pixels,
                     estimate: estimated
                         .estimate
                         .unwrap_or_else(|| ImageEstimate::guess(&constant)),

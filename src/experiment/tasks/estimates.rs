@@ -31,10 +31,10 @@ pub struct EstimatesTask {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Estimated {
     pub image: usize,
-    /// Pixels classified as the arm; absent without segmentation.
-    pub arm_pixels: Option<usize>,
-    /// Absent when fewer than [`LEAST_ARM_PIXELS`] pixels are classified as the arm, or none take part:
-    /// then nothing can be said of its pose.
+    /// Pixels that surely show the arm; absent without segmentation.
+    pub sure_pixels: Option<usize>,
+    /// Absent when these are fewer than [`LEAST_ARM_PIXELS`], or when no pixel takes part: then nothing
+    /// can be said of the pose.
     pub estimate: Option<ImageEstimate>,
 }
 
@@ -118,7 +118,6 @@ impl Task for EstimatesTask {
         forest.set_sigma(self.sigma)?;
         let sight = &self.forest.sight;
         let segmented = inputs.get(2).map(PathBuf::as_path);
-        let arm_pixels = sight.arm_pixels(&set, segmented)?;
         let arm_of_label = set.arm_of_label();
         let estimate = |&image: &usize| {
             let seen = sight.look(&set, segmented, image)?;
@@ -138,16 +137,16 @@ impl Task for EstimatesTask {
                     foreground.push(arm_of_label[usize::from(label)].is_some());
                 }
             }
-            let arm_pixels = arm_pixels.as_ref().map(|pixels| pixels[image]);
             let leaves = forest.find_leaves(&forest.features().on(&depth), &positions);
-            let estimate = match arm_pixels {
+            let sure_pixels = seen.sure_pixels;
+            let estimate = match sure_pixels {
                 Some(pixels) if pixels < LEAST_ARM_PIXELS => None,
                 _ => combine(&forest, &leaves, &foreground),
             };
             progress(1);
             Ok(Estimated {
                 image,
-                arm_pixels,
+                sure_pixels,
                 estimate,
             })
         };

@@ -76,6 +76,8 @@ pub struct Sight {
 pub struct Seen {
     /// With its depth as it is, or with that of one arm only.
     pub frame: Frame,
+    /// How many pixels surely show the arm that is estimated; absent without segmentation.
+    pub sure_pixels: Option<usize>,
     context: Option<Image<u8>>,
     removes: bool,
 }
@@ -142,13 +144,17 @@ impl Sight {
     pub fn look(&self, set: &DataSet, folder: Option<&Path>, image: usize) -> Result<Seen> {
         let mut frame = set.frame(image)?;
         let arm = set.target() as u8 + 1;
-        let mut context = None;
+        let (mut context, mut sure_pixels) = (None, None);
         let classes = match self.kind {
             SegmentationKind::None => None,
-            SegmentationKind::Truth => Some(true_classes(set, &frame.labels)),
+            SegmentationKind::Truth => {
+                sure_pixels = Some(set.record().images[image].arms[set.target()]);
+                Some(true_classes(set, &frame.labels))
+            }
             SegmentationKind::Forest | SegmentationKind::Context => {
                 let folder = folder.context("no segmentation")?;
                 let found = SegmentationTask::read(folder, image, &set.camera().intrinsics)?;
+                sure_pixels = Some(found.sure_pixels());
                 context = Some(found.share);
                 Some(found.classes)
             }
@@ -159,6 +165,7 @@ impl Sight {
         }
         Ok(Seen {
             frame,
+            sure_pixels,
             context: context.filter(|_| !removes),
             removes,
         })

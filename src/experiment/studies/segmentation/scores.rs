@@ -2,16 +2,17 @@
 
 use super::{Parameters, class_colour};
 use crate::dataset::DataSet;
-use crate::estimator::segmentation::Confusion;
+use crate::estimator::segmentation::{Confusion, LEAST_ARM_PIXELS};
 use crate::experiment::claims::{Claim, ClaimResult, Scalar, Verdict};
 use crate::experiment::figure::{Axis, Figure, Mark, Panel, Plot, Shape};
-use crate::experiment::statistics::{Interval, bootstrap};
+use crate::experiment::statistics::{Interval, bootstrap, mean};
 use crate::experiment::study::{Done, Report, Specification, Study};
 use crate::experiment::table::Table;
 use crate::experiment::task::Task;
 use crate::experiment::tasks::segmentation::SegmentationTask;
 use crate::random::stream;
 use anyhow::{Result, bail};
+use rayon::prelude::*;
 use serde::Deserialize;
 use std::sync::Arc;
 
@@ -85,6 +86,10 @@ pub fn define(specification: Specification<Parameters, Test>) -> Result<Box<dyn 
 struct Found {
     classes: Vec<String>,
     images: Vec<Confusion>,
+    /// Of the arm whose pose is to be estimated: its class, and how many pixels of each image surely
+    /// show it.
+    target: usize,
+    sure: Vec<usize>,
     all: Confusion,
 }
 
@@ -93,6 +98,18 @@ impl Found {
         let mut sum = Confusion::new(self.classes.len());
         images.for_each(|image| sum.add(image));
         sum
+    }
+
+    /// How well images with fewer than 50 and with more than 1,000 pixels of the target arm are told
+    /// apart by the pixels that surely show it: the mean of the shares told rightly.
+    fn balanced_accuracy(&self) -> f64 {
+        let share_seen = |is_meant: &dyn Fn(usize) -> bool| {
+            let images = self.images.iter().zip(&self.sure);
+            let meant = images.filter(|(image, _)| is_meant(image.pixels(self.target)));
+            let seen = meant.map(|(_, &sure)| f64::from(u8::from(sure >= LEAST_ARM_PIXELS)));
+            mean(&seen.collect::<Vec<_>>())
+        };
+        (1.0 - share_seen(&|pixels| pixels < 50) + share_seen(&|pixels| pixels > 1000)) / 2.0
     }
 
     /// A measure of the whole test set with its 95 % interval, images drawn with replacement.
@@ -110,11 +127,19 @@ impl Study for Scores {
     }
 
     fn report(&self, done: Done<'_>) -> Result<Report> {
-        let images = SegmentationTask::confusions(&done(&*self.task)?)?;
-        let classes = DataSet::open(&done(&*self.task.set)?)?.classes();
+        let folder = done(&*self.task)?;
+        let set = DataSet::open(&done(&*self.task.set)?)?;
+        let images = SegmentationTask::confusions(&folder)?;
+        let classes = set.classes();
         let mut all = Confusion::new(classes.len());
         images.iter().for_each(|image| all.add(image));
+        let sure = (0..images.len()).into_par_iter().map(|image| {
+            let found = SegmentationTask::read(&folder, image, &set.camera().intrinsics)?;
+            Ok(found.sure_pixels())
+        });
         let found = Found {
+            sure: sure.collect::<Result<_>>()?,
+            target: set.target() + 1,
             classes,
             images,
             all,
@@ -132,22 +157,21 @@ impl Study for Scores {
     }
 }
 
-/// A row for each class of each image: how many of its pixels were given each class.
+/// A row for each class of each image: how many of its pixels were given each class, and for the
+/// target arm how many pixels of the image surely show it.
 fn data(found: &Found) -> Table {
     let given = found
         .classes
         .iter()
         .map(|class| format!("given_{class}_px"));
-    let columns = ["image", "class"].map(str::to_owned);
+    let columns = ["image", "class", "sure_px"].map(str::to_owned);
     let mut table = Table::new(columns.into_iter().chain(given));
     for (image, confusion) in found.images.iter().enumerate() {
-        for (class, row) in found.classes.iter().zip(&confusion.0) {
+        for (at, (class, row)) in found.classes.iter().zip(&confusion.0).enumerate() {
+            let sure = (at == found.target).then_some(found.sure[image]);
+            let cells = [image.into(), class.as_str().into(), sure.into()];
             let given = row.iter().map(|&pixels| pixels.into());
-            table.push(
-                [image.into(), class.as_str().into()]
-                    .into_iter()
-                    .chain(given),
-            );
+            table.push(cells.into_iter().chain(given));
         }
     }
     table
@@ -257,7 +281,13 @@ impl Scores {
                     .chain(pixels),
             );
         }
-        table.to_text()
+        format!(
+            "{}images with fewer than 50 and with more than 1000 pixels of the {}: told apart with a \
+             balanced accuracy of {:.1} %\n",
+            table.to_text(),
+            found.classes[found.target],
+            100.0 * found.balanced_accuracy()
+        )
     }
 
     fn judge(&self, claim: &Claim<Test>, found: &Found) -> Result<ClaimResult> {
