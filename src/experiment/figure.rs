@@ -29,12 +29,12 @@ pub struct Figure {
 pub enum Panel {
     Plot(Plot),
     Depth(DepthPanel),
-    Picture(Picture),
+    Picture(PicturePanel),
 }
 
 /// An image in its own colours.
 #[derive(Debug, Clone)]
-pub struct Picture {
+pub struct PicturePanel {
     pub title: String,
     /// Red, green, blue.
     pub image: Image<[u8; 3]>,
@@ -328,7 +328,7 @@ mod tests {
             },
             range_mm: (500, 3100),
         };
-        let picture = Picture {
+        let colours = PicturePanel {
             title: "Red to the right, blue downwards".to_owned(),
             image: Image {
                 width: 20,
@@ -384,7 +384,7 @@ mod tests {
                 Panel::Plot(scatter),
                 Panel::Plot(histogram),
                 Panel::Depth(depth),
-                Panel::Picture(picture),
+                Panel::Picture(colours),
                 Panel::Plot(long_names),
                 Panel::Plot(to_scale),
             ],

@@ -3,7 +3,7 @@
 use super::axes::{Scale, Tick, scales};
 use super::canvas::{Canvas, Drawn, FigureError, HPos, VPos, text_width};
 use super::marks::Frame;
-use super::{Axis, DepthPanel, Figure, PALETTE, Panel, Picture, Plot, legend, marks};
+use super::{Axis, DepthPanel, Figure, PALETTE, Panel, PicturePanel, Plot, legend, marks};
 use crate::camera::Image;
 use crate::dataset::viridis;
 use plotters::prelude::DrawingBackend;
@@ -277,7 +277,11 @@ fn draw_depth<DB: DrawingBackend>(panel: &DepthPanel, cell: Area, canvas: &Canva
     Ok(())
 }
 
-fn draw_picture<DB: DrawingBackend>(panel: &Picture, cell: Area, canvas: &Canvas<DB>) -> Drawn {
+fn draw_picture<DB: DrawingBackend>(
+    panel: &PicturePanel,
+    cell: Area,
+    canvas: &Canvas<DB>,
+) -> Drawn {
     draw_image(&panel.title, &panel.image, |&rgb| rgb, cell, 0.0, canvas).map(|_| ())
 }
 

@@ -370,6 +370,8 @@ mod tests {
                 foreground: 2 * image,
             }];
             Outcome {
+                arm_seen: true,
+                sure_pixels: None,
                 image,
                 fold: image % 3,
                 truth: Vec::new(),

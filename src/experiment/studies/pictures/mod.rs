@@ -6,7 +6,7 @@ pub mod pipeline;
 use crate::camera::{DepthImage, Image, Photographer};
 use crate::dataset::{DataSet, Frame};
 use crate::estimator::image::{ImageEstimate, combine, highest_step};
-use crate::experiment::figure::Picture;
+use crate::experiment::figure::PicturePanel;
 use crate::experiment::tasks::sight::Seen;
 use crate::forest::pose_forest::PoseForest;
 use crate::scene::{Rig, robot_bodies};
@@ -48,7 +48,7 @@ fn look(forest: &PoseForest, seen: &Seen, step: usize) -> Result<Looked> {
 impl Looked {
     /// Confidences from dark blue (the image's lowest) to red (its highest); black where depth is invalid
     /// or, with `chosen_only`, below the threshold.
-    fn confidence_map(&self, title: &str, depth: &DepthImage, chosen_only: bool) -> Picture {
+    fn confidence_map(&self, title: &str, depth: &DepthImage, chosen_only: bool) -> PicturePanel {
         let (min, max) = (self.estimate.min_confidence, self.estimate.max_confidence);
         let colour = |pixel: &Option<(f32, bool)>| match pixel {
             Some((confidence, chosen)) if *chosen || !chosen_only => {
@@ -57,7 +57,7 @@ impl Looked {
             }
             _ => [0; 3],
         };
-        Picture {
+        PicturePanel {
             title: title.to_owned(),
             image: Image {
                 width: depth.width,
@@ -94,7 +94,7 @@ fn overlay(
     image: usize,
     frame: &Frame,
     poses: &[(&[f64], [u8; 3])],
-) -> Result<Picture> {
+) -> Result<PicturePanel> {
     let far = set.record().camera.range.far_m * 1000.0;
     let grey = |&mm: &u16| match mm {
         0 => [0; 3],
@@ -130,7 +130,7 @@ fn overlay(
             }
         }
     }
-    Ok(Picture {
+    Ok(PicturePanel {
         title: title.to_owned(),
         image: Image {
             width: frame.depth.width,

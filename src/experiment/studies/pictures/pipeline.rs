@@ -3,7 +3,7 @@
 use super::{GREEN, RED, look, overlay};
 use crate::dataset::DataSet;
 use crate::experiment::claims::{Claim, ClaimResult, Verdict};
-use crate::experiment::figure::{DepthPanel, Figure, Panel, Picture};
+use crate::experiment::figure::{DepthPanel, Figure, Panel, PicturePanel};
 use crate::experiment::protocol::{CrossValidation, Outcome, Ruler, step_of};
 use crate::experiment::statistics::{bootstrap_mean, mean};
 use crate::experiment::studies::cross_validation::Parameters as Comparison;
@@ -211,7 +211,7 @@ impl Pipeline {
             ),
             panels: vec![
                 depth("depth image", frame.depth.clone()),
-                Panel::Picture(Picture {
+                Panel::Picture(PicturePanel {
                     title: "classes of the segmentation forest".to_owned(),
                     image: class_colours(&found.classes, &frame.depth),
                 }),

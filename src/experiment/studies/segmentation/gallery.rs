@@ -4,7 +4,7 @@ use super::{Parameters as Segmentation, class_colours, class_legend};
 use crate::dataset::DataSet;
 use crate::estimator::segmentation::Confusion;
 use crate::experiment::claims::Claim;
-use crate::experiment::figure::{DepthPanel, Figure, Panel, Picture};
+use crate::experiment::figure::{DepthPanel, Figure, Panel, PicturePanel};
 use crate::experiment::study::{Done, Report, Specification, Study};
 use crate::experiment::study_file::parameters_of;
 use crate::experiment::table::Table;
@@ -89,7 +89,7 @@ impl Study for Gallery {
             let found = SegmentationTask::read(&folder, image, &set.camera().intrinsics)?;
             let truth = true_classes(&set, &frame.labels);
             let picture = |title: String, classes| {
-                Panel::Picture(Picture {
+                Panel::Picture(PicturePanel {
                     title,
                     image: class_colours(classes, &frame.depth),
                 })
