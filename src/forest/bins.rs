@@ -151,7 +151,7 @@ impl BinnedMatrix {
 
     /// The lowest training value in a bin.
     pub fn lowest(&self, feature: usize, bin: u8) -> i16 {
-        self.edges[feature].lowest[usize::from(bin)]
+        self.bins[feature].lowest[usize::from(bin)]
     }
 
     /// The threshold (`value <= threshold` goes left) that sends bins up to `left` one way and bins

@@ -145,7 +145,7 @@ impl Task for WscNodesTask {
     fn run(&self, inputs: &[PathBuf], out: &Path, progress: Progress<'_>) -> Result<()> {
         let set = DataSet::open(&inputs[0])?;
         let distances = DistancesTask::read(&inputs[1])?.subset(&self.forest.images);
-        let samples = self.forest.samples_of(&set)?;
+        let samples = self.forest.samples_of(&set, None)?;
         let objective = wsc(&distances)?;
         let grown: Vec<(Tree, Leaves)> = grow(
             &samples.binned,
