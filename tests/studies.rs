@@ -1,6 +1,7 @@
 //! What the study files and the committed results say of each other.
 
 use armpose::estimator::segmentation::LEAST_ARM_PIXELS;
+use armpose::experiment::report;
 use std::path::{Path, PathBuf};
 
 fn root() -> PathBuf {
@@ -66,6 +67,16 @@ fn every_study_has_its_results_and_verdicts() {
         let asked: Vec<&str> = claims.iter().map(|c| c["id"].as_str().unwrap()).collect();
         assert_eq!(told, asked, "{id}");
     }
+}
+
+/// REPRODUCE.md says what the committed results say.
+#[test]
+fn the_report_is_up_to_date() {
+    let text = std::fs::read_to_string(report::file(&root())).unwrap();
+    assert!(
+        text == report::refreshed(&root()).unwrap(),
+        "run `cargo run -- report`"
+    );
 }
 
 #[test]

@@ -4,6 +4,7 @@
 mod bounds;
 mod check;
 mod experiment;
+mod report;
 
 use anyhow::{Context, Result};
 use armpose::experiment::cache::Cache;
@@ -27,6 +28,7 @@ enum Command {
     Experiment(experiment::Arguments),
     Check(check::Arguments),
     Bounds(bounds::Arguments),
+    Report(report::Arguments),
 }
 
 pub fn main() -> ExitCode {
@@ -34,6 +36,7 @@ pub fn main() -> ExitCode {
         Command::Experiment(arguments) => experiment::run(&arguments),
         Command::Check(arguments) => check::run(&arguments),
         Command::Bounds(arguments) => bounds::run(&arguments),
+        Command::Report(arguments) => report::run(&arguments),
     };
     result.unwrap_or_else(|error| {
         eprintln!("armpose: {error:#}");

@@ -10,7 +10,7 @@ use serde::{Deserialize, Serialize};
 pub const SURE_SHARE: u8 = 217;
 /// An image shows the arm when at least so many of its pixels surely do: fewer are what the forest takes
 /// for the arm where there is none. See DEVIATIONS.md.
-pub const LEAST_ARM_PIXELS: usize = 300;
+pub const LEAST_ARM_PIXELS: usize = 600;
 
 /// What the segmentation forest says of an image.
 #[derive(Debug, Clone, PartialEq, Eq)]

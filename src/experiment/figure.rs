@@ -412,8 +412,8 @@ mod tests {
         ] {
             assert!(svg.contains(text), "{text}");
         }
-        // The depth image, its scale, and two of four pictures.
-        assert_eq!(svg.matches("data:image/png").count(), 4);
+        // The depth image, its scale, the picture in colours, and two of four small ones.
+        assert_eq!(svg.matches("data:image/png").count(), 5);
     }
 
     #[test]

@@ -22,6 +22,7 @@ pub mod plan;
 pub mod progress;
 pub mod protocol;
 pub mod recipe;
+pub mod report;
 pub mod runner;
 pub mod statistics;
 pub mod studies;

@@ -76,6 +76,12 @@ pub fn draw<DB: DrawingBackend>(figure: &Figure, canvas: &Canvas<DB>) -> Drawn {
     let columns = figure.columns.clamp(1, figure.panels.len().max(1));
     let rows = figure.panels.len().div_ceil(columns);
     let (width, height) = (area.width() / columns as f64, area.height() / rows as f64);
+    // Beside depth images, pictures leave as much room, and so are of one size with them.
+    let beside = figure.panels.iter().map(|panel| match panel {
+        Panel::Depth(depth) => depth_scale_width(depth),
+        Panel::Picture(_) | Panel::Plot(_) => 0.0,
+    });
+    let beside = beside.fold(0.0, f64::max);
     for (index, panel) in figure.panels.iter().enumerate() {
         let left = area.left + width * (index % columns) as f64;
         let top = area.top + height * (index / columns) as f64;
@@ -87,8 +93,10 @@ pub fn draw<DB: DrawingBackend>(figure: &Figure, canvas: &Canvas<DB>) -> Drawn {
         };
         match panel {
             Panel::Plot(plot) => draw_plot(plot, cell, canvas)?,
-            Panel::Depth(depth) => draw_depth(depth, cell, canvas)?,
-            Panel::Picture(picture) => draw_picture(picture, cell, canvas)?,
+            Panel::Depth(depth) => draw_depth(depth, cell, beside, canvas)?,
+            Panel::Picture(PicturePanel { title, image }) => {
+                draw_image(title, image, |&rgb| rgb, cell, beside, canvas)?;
+            }
         }
     }
     Ok(())
@@ -242,25 +250,32 @@ fn named_ticks(axis: &Axis, scale: &Scale, count: usize) -> Vec<Tick> {
         .collect()
 }
 
-fn draw_depth<DB: DrawingBackend>(panel: &DepthPanel, cell: Area, canvas: &Canvas<DB>) -> Drawn {
-    const BAR: f64 = 16.0;
+/// The width of the colours beside a depth image.
+const BAR: f64 = 16.0;
+
+fn metres(mm: u16) -> String {
+    format!("{} m", f64::from(mm) / 1000.0)
+}
+
+/// The room that colours and their names take beside a depth image.
+fn depth_scale_width(panel: &DepthPanel) -> f64 {
     let (near, far) = panel.range_mm;
-    let metres = |mm: u16| format!("{} m", f64::from(mm) / 1000.0);
-    let scale_width =
-        BAR + 24.0 + text_width(&metres(near), TICK).max(text_width(&metres(far), TICK));
+    BAR + 24.0 + text_width(&metres(near), TICK).max(text_width(&metres(far), TICK))
+}
+
+fn draw_depth<DB: DrawingBackend>(
+    panel: &DepthPanel,
+    cell: Area,
+    reserved: f64,
+    canvas: &Canvas<DB>,
+) -> Drawn {
+    let (near, far) = panel.range_mm;
     let range = f64::from(far) - f64::from(near);
     let colour = |&mm: &u16| match mm {
         0 => [0, 0, 0],
         mm => viridis((f64::from(far) - f64::from(mm)) / range),
     };
-    let drawn = draw_image(
-        &panel.title,
-        &panel.image,
-        colour,
-        cell,
-        scale_width,
-        canvas,
-    )?;
+    let drawn = draw_image(&panel.title, &panel.image, colour, cell, reserved, canvas)?;
     let bar = drawn.right + 12.0;
     canvas.picture(
         (bar, drawn.top),
@@ -275,14 +290,6 @@ fn draw_depth<DB: DrawingBackend>(panel: &DepthPanel, cell: Area, canvas: &Canva
         canvas.text(&metres(mm), (beside, at), TICK, LEFT, false)?;
     }
     Ok(())
-}
-
-fn draw_picture<DB: DrawingBackend>(
-    panel: &PicturePanel,
-    cell: Area,
-    canvas: &Canvas<DB>,
-) -> Drawn {
-    draw_image(&panel.title, &panel.image, |&rgb| rgb, cell, 0.0, canvas).map(|_| ())
 }
 
 /// Draws an image below its title, as large as it fits beside `reserved` pixels, and returns where.

@@ -1,7 +1,7 @@
 //! Estimates of single images, from the best to the worst, with the confidence of their pixels
 //! (Fig. 6).
 
-use super::{GREEN, RED, look, overlay};
+use super::{ESTIMATE, TRUTH, look, overlay};
 use crate::dataset::DataSet;
 use crate::experiment::claims::{Claim, ClaimResult, Verdict};
 use crate::experiment::figure::{DepthPanel, Figure, Panel};
@@ -113,7 +113,7 @@ impl Study for Estimates {
             let seen = self.task.forest.sight.look(&set, None, image)?;
             let looked = look(&forest, &seen, self.step)?;
             let chosen = chosen(outcome);
-            let poses = [(&*outcome.truth, GREEN), (&*chosen.pose, RED)];
+            let poses = [(&*outcome.truth, TRUTH), (&*chosen.pose, ESTIMATE)];
             let title = format!("(b) image {image}: error {error:.1} deg");
             let depth = &seen.frame.depth;
             panels.push(Panel::Depth(DepthPanel {
@@ -164,7 +164,7 @@ impl Study for Estimates {
             title: self.specification.title.clone(),
             caption: format!(
                 "Test images from the best to the worst, estimated by a forest trained on {} images. (b) \
-                 green: true pose, red: estimate. (c) red: the image's highest confidence, blue: its \
+                 blue: true pose, orange: estimate. (c) red: the image's highest confidence, blue: its \
                  lowest. (d) pixels above the threshold.",
                 self.task.forest.images.len()
             ),

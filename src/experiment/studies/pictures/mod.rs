@@ -12,8 +12,9 @@ use crate::forest::pose_forest::PoseForest;
 use crate::scene::{Rig, robot_bodies};
 use anyhow::{Context, Result};
 
-const GREEN: [u8; 3] = [0, 190, 60];
-const RED: [u8; 3] = [225, 30, 30];
+/// The colours of the true pose and of the estimate: far apart for all readers.
+const TRUTH: [u8; 3] = [0, 114, 178];
+const ESTIMATE: [u8; 3] = [230, 159, 0];
 
 /// What a forest says of every pixel of an image, and of the image.
 struct Looked {

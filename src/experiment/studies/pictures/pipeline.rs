@@ -1,6 +1,6 @@
 //! The way of one image from depth to pose, and what each step costs (Fig. 5).
 
-use super::{GREEN, RED, look, overlay};
+use super::{ESTIMATE, TRUTH, look, overlay};
 use crate::dataset::DataSet;
 use crate::experiment::claims::{Claim, ClaimResult, Verdict};
 use crate::experiment::figure::{DepthPanel, Figure, Panel, PicturePanel};
@@ -198,8 +198,8 @@ impl Pipeline {
         let left = &seen.frame.depth;
         let confidence = looked.confidence_map("confidence of the pose forest", left, false);
         let estimate = pose(outcome);
-        let poses = [(&*outcome.truth, GREEN), (&*estimate, RED)];
-        let title = format!("pose (red), truth (green): {error:.1} deg");
+        let poses = [(&*outcome.truth, TRUTH), (&*estimate, ESTIMATE)];
+        let title = format!("pose (orange), truth (blue): {error:.1} deg");
         let drawn = overlay(&title, &set, &rig, image, &frame, &poses)?;
         Ok(Figure {
             title: self.specification.title.clone(),

@@ -227,14 +227,22 @@ impl Scores {
             let share = |truth: usize| {
                 100.0 * found.all.0[truth][given] as f64 / found.all.pixels(truth) as f64
             };
-            let bars = (0..found.classes.len()).map(|truth| (share(truth), None));
+            // Beside what is right, what is wrong could not be seen.
+            let wrong = |truth| {
+                if truth == given {
+                    f64::NAN
+                } else {
+                    share(truth)
+                }
+            };
+            let bars = (0..found.classes.len()).map(|truth| (wrong(truth), None));
             Mark::new(class, class_colour(given), Shape::Bars(bars.collect()))
         });
         Figure {
             title: self.specification.title.clone(),
             caption: format!(
                 "{} test images, {} pixels. Whiskers: 95 % bootstrap interval over images. Right: which \
-                 class the pixels of a class were given.",
+                 other class pixels of a class were given.",
                 found.images.len(),
                 found
                     .images
@@ -250,9 +258,9 @@ impl Scores {
                     marks: scores.collect(),
                 }),
                 Panel::Plot(Plot {
-                    title: "Confusion".to_owned(),
+                    title: "Mistakes".to_owned(),
                     x: Axis::of("true class", found.classes.clone()),
-                    y: Axis::new("share of the class's pixels (%)").including(0.0, 100.0),
+                    y: Axis::new("share of the class's pixels (%)").including(0.0, 0.0),
                     marks: shares.collect(),
                 }),
             ],
