@@ -27,6 +27,11 @@ impl Repository {
         let objectives = fig9.lines().find(|l| l.starts_with("objectives = "));
         let one = "objectives = [\"mspd\"]";
         repository.edit("experiments/fig9.toml", objectives.unwrap(), one);
+        let (both, whole) = (
+            "segmentation = [\"none\", \"forest\"]",
+            "segmentation = [\"none\"]",
+        );
+        repository.edit("experiments/fig9.toml", both, whole);
         repository.edit(
             "experiments/fig9.toml",
             "[smoke]\nprotocol.images = 20",
@@ -134,8 +139,8 @@ fn a_misspelt_key_is_shown_where_it_is() {
     assert_eq!(
         repository.mistake(&["experiment", "show", "fig9"]),
         format!(
-            "{file}:{number}:1: unknown field `objectvies`, expected one of `objectives`, `t_r`, \
-             `protocol`; did you mean `objectives`?\n\
+            "{file}:{number}:1: unknown field `objectvies`, expected one of `objectives`, \
+             `segmentation`, `segmentation_study`, `t_r`, `protocol`; did you mean `objectives`?\n\
              {margin} |\n{number} | objectvies = [\"mspd\"]\n{margin} | ^^^^^^^^^^\n"
         )
     );

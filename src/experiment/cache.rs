@@ -127,6 +127,11 @@ impl Cache {
         Ok(())
     }
 
+    /// How long it took to make the result of `key`, s.
+    pub fn seconds(&self, key: &Key) -> Result<f64> {
+        Ok(read_entry(&self.folder(key))?.seconds)
+    }
+
     /// Throws away what killed processes have left, so long as nobody is working on it.
     pub fn sweep(&self) -> Result<()> {
         for stage in folders(&self.root) {

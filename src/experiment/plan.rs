@@ -29,6 +29,7 @@ pub struct TaskRecord {
     pub label: String,
     pub key: Key,
     pub cached: bool,
+    /// What making it took, in this run or an earlier one.
     pub seconds: f64,
 }
 
@@ -123,7 +124,6 @@ impl Plan {
     pub fn execute(&self, cache: &Cache, display: &Display) -> Result<Vec<TaskRecord>> {
         let mut records = Vec::new();
         for planned in &self.tasks {
-            let start = std::time::Instant::now();
             if planned.state != State::Ready {
                 let task = &planned.task;
                 let inputs: Vec<PathBuf> = planned
@@ -144,7 +144,7 @@ impl Plan {
                 label: planned.task.label(),
                 key: planned.key.clone(),
                 cached: planned.state == State::Ready,
-                seconds: start.elapsed().as_secs_f64(),
+                seconds: cache.seconds(&planned.key)?,
             });
         }
         Ok(records)
