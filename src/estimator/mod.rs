@@ -2,3 +2,4 @@
 
 pub mod error;
 pub mod image;
+pub mod inverse_kinematics;
