@@ -3,4 +3,5 @@
 
 pub mod error;
 pub mod image;
+pub mod inverse_kinematics;
 pub mod segmentation;
