@@ -3,4 +3,5 @@
 
 pub mod error;
 pub mod image;
+pub mod part_baseline;
 pub mod segmentation;
