@@ -2,12 +2,14 @@
 //! Arm Pose Estimation through Pixel-Wise Part Classification*, ICRA 2014 (section IV-E).
 //!
 //! A part forest gives every pixel a [part](parts); the pixels of the arm cast the [votes] of their
-//! leaves for the [joints]; where most votes for a joint meet, there it is.
+//! leaves for the [joints]; where most votes for a joint meet, there it is. The arm is then aligned
+//! with the joints by [inverse kinematics](super::inverse_kinematics).
 
 pub mod joints;
 pub mod parts;
 pub mod votes;
 
+use super::inverse_kinematics::Settings;
 use super::segmentation::largest;
 use crate::camera::{DepthImage, Intrinsics};
 use crate::feature::{FeaturesOnImage, PaddedDepth};
@@ -33,6 +35,8 @@ pub struct BaselineSpec {
     pub leaves: RetrofitSpec,
     /// How an image's votes are pooled.
     pub votes: VoteSpec,
+    /// How the arm is aligned with the joints that were found.
+    pub alignment: Settings,
 }
 
 impl BaselineSpec {
@@ -45,6 +49,7 @@ impl BaselineSpec {
             forest: GrowSpec,
             leaves: RetrofitSpec,
             votes: VoteSpec,
+            alignment: Settings,
         }
         let file: BaselineFile = strict_toml::read(path)?;
         let folder = path.parent().unwrap_or(Path::new(""));
@@ -53,6 +58,7 @@ impl BaselineSpec {
             forest: file.forest,
             leaves: file.leaves,
             votes: file.votes,
+            alignment: file.alignment,
         })
     }
 }
