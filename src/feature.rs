@@ -231,6 +231,11 @@ impl PaddedDepth {
         (y * self.stride + x) as u32
     }
 
+    /// Where the pixel with this number stands, counted row by row. Panics outside the image.
+    pub fn position_of(&self, pixel: usize) -> u32 {
+        self.position(pixel % self.width, pixel / self.width)
+    }
+
     /// The depth at a position, mm.
     pub fn depth(&self, position: u32) -> i16 {
         self.values[position as usize + self.margin * self.stride + self.margin]

@@ -17,6 +17,7 @@ pub mod estimator;
 pub mod experiment;
 pub mod feature;
 pub mod forest;
+pub mod mean_shift;
 pub mod pose_space;
 pub mod random;
 pub mod robot;

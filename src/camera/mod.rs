@@ -16,7 +16,7 @@ pub use photographer::{Drawing, Photo, Photographer};
 
 use crate::robot::Mesh;
 use crate::strict_toml::{self, TomlError};
-use nalgebra::Isometry3;
+use nalgebra::{Isometry3, Point3};
 use serde::{Deserialize, Serialize};
 use std::path::{Path, PathBuf};
 
@@ -44,6 +44,15 @@ pub struct Intrinsics {
     pub fy: f64,
     pub cx: f64,
     pub cy: f64,
+}
+
+impl Intrinsics {
+    /// The point that column `x`, row `y` shows at a depth in millimetres: optical frame, metres.
+    pub fn point(&self, x: usize, y: usize, depth_mm: u16) -> Point3<f64> {
+        let z = f64::from(depth_mm) / 1000.0;
+        let along = |at: usize, centre: f64, focal: f64| (at as f64 - centre) / focal * z;
+        Point3::new(along(x, self.cx, self.fx), along(y, self.cy, self.fy), z)
+    }
 }
 
 /// Something to be drawn.

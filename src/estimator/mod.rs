@@ -4,4 +4,5 @@
 pub mod error;
 pub mod image;
 pub mod inverse_kinematics;
+pub mod part_baseline;
 pub mod segmentation;

@@ -49,16 +49,19 @@ pub fn segment(forest: &SegmentationForest, depth: &DepthImage, of: usize) -> Se
         .iter()
         .zip(shares.chunks_exact(forest.classes().len()))
     {
-        let mut best = 0;
-        for class in 1..shares.len() {
-            if shares[class] > shares[best] {
-                best = class;
-            }
-        }
-        classes.pixels[at] = best as u8;
+        classes.pixels[at] = largest(shares) as u8;
         share.pixels[at] = (shares[of] * 255.0).round() as u8;
     }
     Segmentation { classes, share }
+}
+
+/// The class with the largest share, of equals the first; 0 when there are none.
+pub(super) fn largest(shares: &[f32]) -> usize {
+    let better = |best: usize, class: usize| match shares[class] > shares[best] {
+        true => class,
+        false => best,
+    };
+    (0..shares.len()).fold(0, better)
 }
 
 /// The image without the pixels that are not `kept`: they become invalid.

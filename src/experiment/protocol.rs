@@ -6,12 +6,15 @@ use super::study::Done;
 use super::task::Task;
 use super::tasks::data_set::DataSetTask;
 use super::tasks::estimates::EstimatesTask;
+use super::tasks::part_estimates::{PartEstimatesTask, Voting};
+use super::tasks::part_forest::PartForestTask;
 use super::tasks::pose_forest::{PoseForestTask, Training};
 use super::tasks::sight::Sight;
 use crate::dataset::{DataSet, folds};
 use crate::estimator::error::{angle_error, mean_pose, tip_error};
 use crate::estimator::image::{ImageEstimate, STEPS};
-use crate::forest::objective::ObjectiveKind;
+use crate::estimator::part_baseline::BaselineSpec;
+use crate::forest::objective::{OBJECTIVES, ObjectiveKind};
 use crate::pose_space::disp::Disp;
 use crate::robot::Robot;
 use crate::scene::{Arm, Rig};
@@ -125,19 +128,52 @@ impl CrossValidation {
     ) -> Result<Vec<Arc<EstimatesTask>>> {
         let stride = self.protocol.stride;
         let fold = |(fold, test): (usize, &Vec<usize>)| {
-            let is_training = |image: &usize| !test.contains(image);
-            let forest = PoseForestTask {
-                set: self.set.clone(),
-                images: (0..self.protocol.images).filter(is_training).collect(),
-                objective,
-                training: training.clone(),
-                sight: sight.clone(),
-                fold,
-            };
+            let forest = self.forest(fold, objective, sight, training);
             let task = EstimatesTask::new(Arc::new(forest), test.clone(), sigma, trees, stride)?;
             Ok(Arc::new(task))
         };
         self.folds.iter().enumerate().map(fold).collect()
+    }
+
+    /// The tasks that test every image once with the part-classification baseline, whose forests are
+    /// trained on the same images, pixels and features.
+    pub fn part_estimates(
+        &self,
+        baseline: &BaselineSpec,
+        voting: Voting,
+    ) -> Result<Vec<Arc<PartEstimatesTask>>> {
+        // Any objective will do: only the samples are taken.
+        let any = &OBJECTIVES[0];
+        let fold = |(fold, test): (usize, &Vec<usize>)| {
+            let samples = self.forest(fold, any, &Sight::WHOLE, &self.protocol.training);
+            let forest = PartForestTask {
+                samples: Arc::new(samples),
+                baseline: baseline.clone(),
+            };
+            let (set, stride) = (self.set.clone(), self.protocol.stride);
+            let task = PartEstimatesTask::new(Arc::new(forest), set, test.clone(), voting, stride)?;
+            Ok(Arc::new(task))
+        };
+        self.folds.iter().enumerate().map(fold).collect()
+    }
+
+    /// The forest that tests a fold: trained on all other images.
+    fn forest(
+        &self,
+        fold: usize,
+        objective: &'static ObjectiveKind,
+        sight: &Sight,
+        training: &Training,
+    ) -> PoseForestTask {
+        let is_training = |image: &usize| !self.folds[fold].contains(image);
+        PoseForestTask {
+            set: self.set.clone(),
+            images: (0..self.protocol.images).filter(is_training).collect(),
+            objective,
+            training: training.clone(),
+            sight: sight.clone(),
+            fold,
+        }
     }
 
     /// All tasks whose results [`CrossValidation::outcomes`] reads: the set and the estimates.

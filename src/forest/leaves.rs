@@ -6,6 +6,8 @@ use super::grow::{GrowSpec, Member, TargetTable, grow};
 use super::objective::Objective;
 use super::tree::Tree;
 use crate::Progress;
+use crate::feature::FeaturesOnImage;
+use rayon::prelude::*;
 
 /// A row of `width` values for each leaf of a tree, and its impurity.
 #[derive(Debug, Clone, Default, PartialEq)]
@@ -93,6 +95,39 @@ pub(super) fn check_leaves(
         same("values of a leaf", table.width(), width)?;
     }
     Ok(())
+}
+
+/// Pixels that one thread walks through a tree before it turns to the next, which takes the place
+/// of the last in the cache.
+const RUN: usize = 1 << 15;
+
+/// The first `width` values of the leaves of a pixel, mean over the trees: pixel by pixel, in
+/// parallel. Neighbouring `positions` should stand together.
+pub(super) fn mean_values(
+    trees: &[Tree],
+    tables: &[LeafTable],
+    width: usize,
+    image: &FeaturesOnImage,
+    positions: &[u32],
+) -> Vec<f32> {
+    let mut means = vec![0.0; positions.len() * width];
+    positions
+        .par_chunks(RUN)
+        .zip(means.par_chunks_mut(RUN * width))
+        .for_each(|(positions, means)| {
+            let mut found = vec![0; positions.len()];
+            for (tree, table) in trees.iter().zip(tables) {
+                tree.find_leaves(positions, |f, p| image.value(f, p), &mut found);
+                for (sums, &leaf) in means.chunks_exact_mut(width).zip(&found) {
+                    let row = table.row(leaf as usize);
+                    sums.iter_mut()
+                        .zip(row)
+                        .for_each(|(sum, value)| *sum += value);
+                }
+            }
+            means.iter_mut().for_each(|sum| *sum /= trees.len() as f32);
+        });
+    means
 }
 
 /// A forest whose leaves hold the mean over their samples of the rows of `table` (poses; or class

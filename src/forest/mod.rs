@@ -3,8 +3,9 @@
 //!
 //! The way through: a [`SampleMatrix`](crate::feature::SampleMatrix) becomes [`bins`]; [`grow`]
 //! grows [`tree`]s from them on an [`objective`]; [`leaves`] holds what the leaves say; a
-//! [`PoseForest`](pose_forest::PoseForest) or a
-//! [`SegmentationForest`](segmentation_forest::SegmentationForest) answers for pixels;
+//! [`PoseForest`](pose_forest::PoseForest), a
+//! [`SegmentationForest`](segmentation_forest::SegmentationForest) or, for the baseline, a
+//! [`PartForest`](part_forest::PartForest), whose leaves are [`retrofit`]ted, answers for pixels;
 //! [`model_file`] keeps it all.
 
 pub mod bins;
@@ -12,7 +13,9 @@ pub mod grow;
 pub mod leaves;
 pub mod model_file;
 pub mod objective;
+pub mod part_forest;
 pub mod pose_forest;
+pub mod retrofit;
 pub mod segmentation_forest;
 pub mod tree;
 

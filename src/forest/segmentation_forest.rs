@@ -1,11 +1,10 @@
 //! The segmentation forest: which class its trees give a pixel (section III-D).
 
 use super::ForestError;
-use super::leaves::{LeafTable, check_leaves};
+use super::leaves::{LeafTable, check_leaves, mean_values};
 use super::model_file::{self, Fault, ModelError};
 use super::tree::Tree;
 use crate::feature::{DepthFeatures, FeaturesOnImage};
-use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 use std::path::Path;
 
@@ -31,10 +30,6 @@ enum Kind {
     #[serde(rename = "segmentation forest")]
     SegmentationForest,
 }
-
-/// Pixels that one thread walks through a tree before it turns to the next, which takes the place
-/// of the last in the cache.
-const RUN: usize = 1 << 15;
 
 impl SegmentationForest {
     /// Joins the features that trees were grown on, the names of the classes, the trees, and the
@@ -99,24 +94,6 @@ impl SegmentationForest {
     /// `positions` should stand together.
     pub fn shares(&self, image: &FeaturesOnImage, positions: &[u32]) -> Vec<f32> {
         let classes = self.header.classes.len();
-        let mut shares = vec![0.0; positions.len() * classes];
-        positions
-            .par_chunks(RUN)
-            .zip(shares.par_chunks_mut(RUN * classes))
-            .for_each(|(positions, shares)| {
-                let mut found = vec![0; positions.len()];
-                for (tree, table) in self.trees.iter().zip(&self.leaves) {
-                    tree.find_leaves(positions, |f, p| image.value(f, p), &mut found);
-                    for (sums, &leaf) in shares.chunks_exact_mut(classes).zip(&found) {
-                        let row = table.row(leaf as usize);
-                        sums.iter_mut()
-                            .zip(row)
-                            .for_each(|(sum, share)| *sum += share);
-                    }
-                }
-                let trees = self.trees.len() as f32;
-                shares.iter_mut().for_each(|sum| *sum /= trees);
-            });
-        shares
+        mean_values(&self.trees, &self.leaves, classes, image, positions)
     }
 }

@@ -22,6 +22,7 @@ pub use virtual_arm::VirtualArm;
 use crate::random;
 use descent::Descent;
 use nalgebra::Point3;
+use serde::{Deserialize, Serialize};
 
 /// Where a point was found.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -33,7 +34,8 @@ pub struct Target {
 }
 
 /// How [`VirtualArm::align`] looks for the pose.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
 pub struct Settings {
     /// c, m, above 0. A point that is found further off than a few c is taken for a false one.
     pub scale: f64,

@@ -4,6 +4,8 @@ pub mod data_set;
 pub mod distances;
 pub mod estimates;
 pub mod estimation_times;
+pub mod part_estimates;
+pub mod part_forest;
 pub mod pose_forest;
 pub mod pose_maps;
 pub mod segmentation;

@@ -2,9 +2,9 @@
 
 use super::data_set::DataSetTask;
 use super::distances::DistancesTask;
-use super::sight::Sight;
+use super::sight::{Seen, Sight};
 use crate::Progress;
-use crate::dataset::DataSet;
+use crate::dataset::{DataSet, DataSetError, Pixel};
 use crate::experiment::task::{Cost, Stage, Task};
 use crate::feature::{DepthFeatures, FeatureSpec, SampleMatrix};
 use crate::forest::ForestError;
@@ -123,6 +123,20 @@ impl PoseForestTask {
         crate::random::seed(self.set.seed, "forest", &[self.fold as u64])
     }
 
+    /// The pixels that are drawn from a training image, in the order of the samples. `arm_of_label`
+    /// comes from [`DataSet::arm_of_label`].
+    pub fn pixels_of(
+        &self,
+        seen: &Seen,
+        image: usize,
+        arm_of_label: &[Option<usize>; 256],
+    ) -> Result<Vec<Pixel>, DataSetError> {
+        let stage = format!("pixels of {}", self.set.spec.name);
+        let mut stream = stream(self.set.seed, &stage, &[image as u64]);
+        let (foreground, background) = (self.training.foreground, self.training.background);
+        seen.sample(arm_of_label, foreground, background, &mut stream)
+    }
+
     /// The features' values at the pixels drawn from each image. Features and pixels are the same
     /// for all folds and objectives.
     fn sample_matrix(
@@ -139,13 +153,7 @@ impl PoseForestTask {
             }
             let image = self.images[row];
             let seen = self.sight.look(set, segmented, image)?;
-            let mut stream = stream(
-                self.set.seed,
-                &format!("pixels of {}", self.set.spec.name),
-                &[image as u64],
-            );
-            let (foreground, background) = (self.training.foreground, self.training.background);
-            let pixels = seen.sample(&arms, foreground, background, &mut stream)?;
+            let pixels = self.pixels_of(&seen, image, &arms)?;
             let depth = seen.padded(features);
             let positions: Vec<u32> = pixels
                 .iter()
