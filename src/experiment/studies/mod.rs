@@ -4,6 +4,7 @@ pub mod confidence;
 pub mod cross_validation;
 pub mod map_quality;
 pub mod metric_example;
+pub mod part_baseline;
 pub mod pictures;
 pub mod pose_map;
 pub mod segmentation;

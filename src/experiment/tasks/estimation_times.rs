@@ -1,21 +1,25 @@
 //! How long it takes to segment an image and to estimate the pose in it, with and without
-//! segmentation.
+//! segmentation, and by way of parts.
 
 use super::estimates::EstimatesTask;
+use super::part_estimates::PartEstimatesTask;
 use super::pose_forest::FOREST_FILE;
 use super::segmentation::SegmentationTask;
 use crate::Progress;
 use crate::camera::DepthImage;
 use crate::dataset::DataSet;
 use crate::estimator::image::combine;
+use crate::estimator::part_baseline::{classify, find_joints, pixel_points, voters};
 use crate::estimator::segmentation::{masked, segment};
 use crate::experiment::manifest::timing_conditions;
 use crate::experiment::task::{Cost, Stage, Task};
 use crate::feature::PaddedDepth;
+use crate::forest::part_forest::PartForest;
 use crate::forest::pose_forest::PoseForest;
 use crate::forest::segmentation_forest::SegmentationForest;
 use anyhow::{Context, Result};
 use serde::{Deserialize, Serialize};
+use std::hint::black_box;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::time::Instant;
@@ -28,8 +32,12 @@ pub struct EstimationTimesTask {
     pub whole: Arc<EstimatesTask>,
     pub segmented: Arc<EstimatesTask>,
     pub segmentation: Arc<SegmentationTask>,
+    /// Estimates of the same images by the part-classification baseline, if that is timed.
+    pub parts: Option<Arc<PartEstimatesTask>>,
     /// Of several the shortest counts.
     pub repetitions: usize,
+    /// Absent: one for each core.
+    pub threads: Option<usize>,
 }
 
 /// Seconds for one image.
@@ -40,6 +48,17 @@ pub struct Timed {
     /// Estimating the pixels of the whole image, and of what segmentation leaves.
     pub whole_s: f64,
     pub segmented_s: f64,
+    pub parts: Option<PartTimes>,
+}
+
+/// Seconds for one image by the part-classification baseline.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct PartTimes {
+    pub classifying_s: f64,
+    /// Casting votes and finding the joints by them.
+    pub voting_s: f64,
+    /// Aligning the arm with the joints.
+    pub aligning_s: f64,
 }
 
 const FILE: &str = "times.json";
@@ -70,7 +89,7 @@ impl Task for EstimationTimesTask {
     fn stage(&self) -> Stage {
         Stage {
             name: "estimation-times".to_owned(),
-            version: 1,
+            version: 2,
         }
     }
 
@@ -82,17 +101,23 @@ impl Task for EstimationTimesTask {
         serde_json::json!({
             "images": self.whole.images,
             "repetitions": self.repetitions,
+            "threads": self.threads,
+            "parts": self.parts.as_ref().map(|parts| parts.parameters()),
             "conditions": timing_conditions(),
         })
     }
 
     fn inputs(&self) -> Vec<Arc<dyn Task>> {
-        vec![
+        let mut inputs: Vec<Arc<dyn Task>> = vec![
             self.whole.forest.set.clone(),
             self.segmentation.forest.clone(),
             self.whole.forest.clone(),
             self.segmented.forest.clone(),
-        ]
+        ];
+        if let Some(parts) = &self.parts {
+            inputs.push(parts.forest.clone());
+        }
+        inputs
     }
 
     fn cost(&self) -> Cost {
@@ -107,10 +132,27 @@ impl Task for EstimationTimesTask {
     }
 
     fn run(&self, inputs: &[PathBuf], out: &Path, progress: Progress<'_>) -> Result<()> {
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(self.threads.unwrap_or(0));
+        let pool = pool.build().context("cannot start the threads")?;
+        let times = pool.install(|| self.measure(inputs, progress))?;
+        std::fs::write(out.join(FILE), serde_json::to_vec_pretty(&times)?)?;
+        Ok(())
+    }
+}
+
+impl EstimationTimesTask {
+    fn measure(&self, inputs: &[PathBuf], progress: Progress) -> Result<Vec<Timed>> {
         let set = DataSet::open(&inputs[0])?;
         let segmenter = SegmentationForest::load(&inputs[1].join(FOREST_FILE))?;
         let whole = PoseForest::load(&inputs[2].join(FOREST_FILE))?;
         let segmented = PoseForest::load(&inputs[3].join(FOREST_FILE))?;
+        let parts = match (&self.parts, inputs.get(4)) {
+            (Some(parts), Some(folder)) => {
+                let forest = PartForest::load(&folder.join(FOREST_FILE))?;
+                Some((parts, forest, parts.aligner(&set)?))
+            }
+            _ => None,
+        };
         let arm = set.target() + 1;
         let mut times = Vec::new();
         for &image in &self.whole.images {
@@ -126,20 +168,46 @@ impl Task for EstimationTimesTask {
                         .collect();
                     let leaves = forest.find_leaves(&forest.features().on(&padded), &positions);
                     let shows_arm = vec![true; positions.len()];
-                    std::hint::black_box(combine(forest, &leaves, &shows_arm));
+                    black_box(combine(forest, &leaves, &shows_arm));
                 })
             };
+            let by_parts = parts.as_ref().map(|(task, forest, aligner)| {
+                let votes = &task.forest.baseline.votes;
+                let camera = &set.camera().intrinsics;
+                let see = || {
+                    let pixels = pixel_points(&depth, camera, 1);
+                    (PaddedDepth::new(&depth, forest.features().reach()), pixels)
+                };
+                let (padded, pixels) = see();
+                let features = forest.features().on(&padded);
+                let classes = classify(forest, (&padded, &features), &pixels);
+                let voters = voters(forest.classes(), &pixels, &classes);
+                let joints = find_joints(forest, (&padded, &features), &voters, votes);
+                PartTimes {
+                    classifying_s: self.shortest(|| {
+                        let (padded, pixels) = see();
+                        let features = forest.features().on(&padded);
+                        black_box(classify(forest, (&padded, &features), &pixels));
+                    }),
+                    voting_s: self.shortest(|| {
+                        black_box(find_joints(forest, (&padded, &features), &voters, votes));
+                    }),
+                    aligning_s: self.shortest(|| {
+                        black_box(task.align(aligner, &joints));
+                    }),
+                }
+            });
             times.push(Timed {
                 image,
                 segmenting_s: self.shortest(|| {
-                    std::hint::black_box(segment(&segmenter, &depth, arm));
+                    black_box(segment(&segmenter, &depth, arm));
                 }),
                 whole_s: estimate(&whole, &depth),
                 segmented_s: estimate(&segmented, &of_arm),
+                parts: by_parts,
             });
             progress(1);
         }
-        std::fs::write(out.join(FILE), serde_json::to_vec_pretty(&times)?)?;
-        Ok(())
+        Ok(times)
     }
 }

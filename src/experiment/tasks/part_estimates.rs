@@ -8,7 +8,7 @@ use super::sight::Sight;
 use crate::Progress;
 use crate::dataset::DataSet;
 use crate::estimator::error::mean_pose;
-use crate::estimator::inverse_kinematics::{Settings, Target, VirtualArm};
+use crate::estimator::inverse_kinematics::{Alignment, Settings, Target, VirtualArm};
 use crate::estimator::part_baseline::joints::{JointPoint, joint_points, joint_positions};
 use crate::estimator::part_baseline::parts::Parts;
 use crate::estimator::part_baseline::votes::{FoundJoint, PixelPoint};
@@ -20,7 +20,7 @@ use crate::experiment::task::{Cost, Stage, Task};
 use crate::forest::part_forest::{PartClass, PartForest};
 use crate::scene::Rig;
 use anyhow::{Context, Result, bail};
-use nalgebra::Point3;
+use nalgebra::{Isometry3, Point3};
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 use std::path::{Path, PathBuf};
@@ -173,12 +173,8 @@ impl Task for PartEstimatesTask {
     }
 
     fn run(&self, inputs: &[PathBuf], out: &Path, progress: Progress<'_>) -> Result<()> {
-        let training = DataSet::open(&inputs[0])?;
-        let samples = &self.forest.samples;
         let baseline = &self.forest.baseline;
         let (rig, arm) = self.set.rig()?;
-        let joints = joint_points(&rig, arm);
-        let links: Vec<usize> = joints.iter().map(|joint| joint.link).collect();
         let work = Work {
             set: DataSet::open(&inputs[1])?,
             forest: match self.voting {
@@ -186,10 +182,9 @@ impl Task for PartEstimatesTask {
                 Voting::Oracle => None,
             },
             segmented: inputs.get(3).map(PathBuf::as_path),
-            virtual_arm: VirtualArm::new(&rig.robot, &rig.arms[arm].joints, &links),
-            reference: mean_pose(samples.images.iter().map(|&image| training.pose(image))),
+            aligner: self.aligner(&DataSet::open(&inputs[0])?)?,
+            joints: joint_points(&rig, arm),
             rig,
-            joints,
         };
         let parts = Parts::new(&baseline.parts, work.set.record())?;
         let of_image = |&image: &usize| {
@@ -220,12 +215,47 @@ struct Work<'a> {
     segmented: Option<&'a Path>,
     rig: Rig,
     joints: Vec<JointPoint>,
+    aligner: Aligner,
+}
+
+/// What turns found joints into a pose.
+pub struct Aligner {
     virtual_arm: VirtualArm,
     /// The mean pose of the training images.
     reference: Vec<f64>,
+    root_from_camera: Isometry3<f64>,
 }
 
 impl PartEstimatesTask {
+    /// `training` is the result of the training images' set.
+    pub fn aligner(&self, training: &DataSet) -> Result<Aligner> {
+        let (rig, arm) = self.set.rig()?;
+        let links: Vec<usize> = joint_points(&rig, arm).iter().map(|j| j.link).collect();
+        let images = self.forest.samples.images.iter();
+        Ok(Aligner {
+            virtual_arm: VirtualArm::new(&rig.robot, &rig.arms[arm].joints, &links),
+            reference: mean_pose(images.map(|&image| training.pose(image))),
+            root_from_camera: training.camera_from_root().inverse(),
+        })
+    }
+
+    /// The arm aligned with joints that were found.
+    pub fn align(&self, aligner: &Aligner, joints: &[Option<FoundJoint>]) -> Alignment {
+        let target = |found: &Option<FoundJoint>| {
+            found.map(|found| Target {
+                position: aligner.root_from_camera * Point3::from(found.at),
+                weight: found.confidence,
+            })
+        };
+        let targets: Vec<Option<Target>> = joints.iter().map(target).collect();
+        let exact = Settings::default();
+        let settings = match self.voting {
+            Voting::Forest => &self.forest.baseline.alignment,
+            Voting::Oracle => &exact,
+        };
+        (aligner.virtual_arm).align(&targets, &aligner.reference, settings)
+    }
+
     fn image(&self, work: &Work, parts: &Parts, image: usize) -> Result<PartEstimated> {
         let baseline = &self.forest.baseline;
         let set = &work.set;
@@ -264,19 +294,7 @@ impl PartEstimatesTask {
         for (&truth, &given) in true_classes.iter().zip(&classes) {
             confusion.0[usize::from(truth)][usize::from(given)] += 1;
         }
-        let target = |found: &Option<FoundJoint>| {
-            found.map(|found| Target {
-                position: camera_from_root.inverse() * Point3::from(found.at),
-                weight: found.confidence,
-            })
-        };
-        let targets: Vec<Option<Target>> = joints.iter().map(target).collect();
-        let exact = Settings::default();
-        let settings = match self.voting {
-            Voting::Forest => &baseline.alignment,
-            Voting::Oracle => &exact,
-        };
-        let alignment = (work.virtual_arm).align(&targets, &work.reference, settings);
+        let alignment = self.align(&work.aligner, &joints);
         Ok(PartEstimated {
             image,
             confusion,

@@ -1,7 +1,7 @@
 //! Training objectives compared by cross-validation (section IV-D, Fig. 9).
 
-mod report;
-mod verdicts;
+pub mod report;
+pub mod verdicts;
 
 use crate::experiment::protocol::{
     CrossValidation, FLOOR_COLOUR, Outcome, PoseError, Protocol, Ruler, colour, step_of,

@@ -209,19 +209,24 @@ fn bars(
     })
 }
 
-/// Against the pixels that show the arm: the mean of each fifth of the images. A logarithmic axis
-/// has no place for none.
+/// Of (pixels, error) of images: the median pixels and the mean error of each fifth, by pixels.
+pub fn fifths(mut points: Vec<(f64, f64)>) -> Vec<(f64, f64)> {
+    points.sort_by(|a, b| a.0.total_cmp(&b.0));
+    let fifth = |points: &[(f64, f64)]| {
+        let errors: Vec<f64> = points.iter().map(|p| p.1).collect();
+        (points[points.len() / 2].0, mean(&errors))
+    };
+    points
+        .chunks(points.len().div_ceil(5).max(1))
+        .map(fifth)
+        .collect()
+}
+
+/// Against the pixels that show the arm. A logarithmic axis has no place for none.
 fn visibility(kind: SegmentationKind, methods: &[Method]) -> Panel {
     let fifths = drawn(methods, kind).map(|method| {
         let seen = |r: &Tested| (r.outcome.visible.max(1) as f64, r.error.all_deg);
-        let mut points: Vec<(f64, f64)> = method.results.iter().map(seen).collect();
-        points.sort_by(|a, b| a.0.total_cmp(&b.0));
-        let fifth = |points: &[(f64, f64)]| {
-            let errors: Vec<f64> = points.iter().map(|p| p.1).collect();
-            (points[points.len() / 2].0, mean(&errors))
-        };
-        let size = points.len().div_ceil(5);
-        let line = points.chunks(size).map(fifth).collect();
+        let line = fifths(method.results.iter().map(seen).collect());
         Mark::new(method.title, method.colour, Shape::Line(line))
     });
     Panel::Plot(Plot {

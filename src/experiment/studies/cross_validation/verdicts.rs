@@ -114,7 +114,13 @@ impl CrossValidationStudy {
                 from,
                 margin_deg,
             } => compare(methods, from, -margin_deg, *margin_deg),
-            Test::WorstShowLittle { method: id } => Ok(worst_show_little(claim, method(id)?)),
+            Test::WorstShowLittle { method: id } => {
+                let method = method(id)?;
+                let visible = method.results.iter().map(|r| r.outcome.visible as f64);
+                let visible: Vec<f64> = visible.collect();
+                let errors = method.images(|e| e.all_deg);
+                Ok(worst_show_little(claim, &visible, &errors))
+            }
             Test::ChosenAreForeground { method: id } => {
                 Ok(chosen_are_foreground(claim, method(id)?, self.step))
             }
@@ -122,14 +128,10 @@ impl CrossValidationStudy {
     }
 }
 
-fn worst_show_little(claim: &Claim<Test>, method: &Method) -> ClaimResult {
-    let visible: Vec<f64> = method
-        .results
-        .iter()
-        .map(|r| r.outcome.visible as f64)
-        .collect();
-    let errors = method.images(|e| e.all_deg);
-    let mut ascending = visible.clone();
+/// Whether, of the tenth of images with the largest errors, more than half are among the fifth that
+/// shows the least of the arm; `visible` are the pixels of the arm in each image.
+pub fn worst_show_little<T>(claim: &Claim<T>, visible: &[f64], errors: &[f64]) -> ClaimResult {
+    let mut ascending = visible.to_vec();
     ascending.sort_by(f64::total_cmp);
     let little = quantile(&ascending, 0.2);
     let mut by_error: Vec<usize> = (0..errors.len()).collect();
@@ -146,7 +148,7 @@ fn worst_show_little(claim: &Claim<Test>, method: &Method) -> ClaimResult {
         "{:.0} % of the worst tenth are among the fifth with at most {little:.0} pixels of the arm; \
          rank correlation of error and pixels {:.2}",
         100.0 * share,
-        spearman(&errors, &visible)
+        spearman(errors, visible)
     );
     claim.result(ours, errors.len(), verdict)
 }
