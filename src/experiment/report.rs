@@ -11,12 +11,9 @@
 //! ```
 
 use super::claims::{ClaimResult, Verdict};
-use super::progress::duration;
 use super::study::Profile;
 use super::study_file::{self, LoadedStudy, Request};
 use anyhow::{Context, Result, bail, ensure};
-use serde::Deserialize;
-use serde::de::DeserializeOwned;
 use std::fmt::Write;
 use std::path::{Path, PathBuf};
 
@@ -75,12 +72,6 @@ pub fn refreshed(root: &Path) -> Result<String> {
     Ok(new)
 }
 
-fn read<T: DeserializeOwned>(path: &Path) -> Result<T> {
-    let shown = || format!("cannot read {}", path.display());
-    let text = std::fs::read_to_string(path).with_context(shown)?;
-    serde_json::from_str(&text).with_context(shown)
-}
-
 fn study_of(line: &str) -> Option<&str> {
     line.strip_prefix(STUDY)?.strip_suffix(" -->")
 }
@@ -89,37 +80,22 @@ fn study_of(line: &str) -> Option<&str> {
 struct Told {
     study: LoadedStudy,
     /// Absent without results.
-    results: Option<Results>,
-}
-
-struct Results {
-    claims: Vec<ClaimResult>,
-    manifest: Manifest,
-}
-
-/// What is told of `manifest.json`.
-#[derive(Deserialize)]
-struct Manifest {
-    threads: usize,
-    tasks: Vec<Took>,
-}
-
-#[derive(Deserialize)]
-struct Took {
-    seconds: f64,
+    claims: Option<Vec<ClaimResult>>,
 }
 
 impl Told {
     fn read(root: &Path, study: LoadedStudy) -> Result<Told> {
         let folder = root.join("results/paper").join(&study.id);
-        let results = match folder.exists() {
-            true => Some(Results {
-                claims: read(&folder.join("claims.json"))?,
-                manifest: read(&folder.join("manifest.json"))?,
-            }),
+        let path = folder.join("claims.json");
+        let shown = || format!("cannot read {}", path.display());
+        let claims = match folder.exists() {
+            true => {
+                let text = std::fs::read_to_string(&path).with_context(shown)?;
+                Some(serde_json::from_str(&text).with_context(shown)?)
+            }
             false => None,
         };
-        Ok(Told { study, results })
+        Ok(Told { study, claims })
     }
 
     fn chapter(&self) -> String {
@@ -130,18 +106,11 @@ impl Told {
             analysis,
             ..
         } = &self.study;
-        let mut text = format!("### {title}\n\n*{question}* `cargo run -- experiment {id}`");
-        let Some(Results { claims, manifest }) = &self.results else {
-            text.push_str(" has not been run at the paper's scale.\n");
+        let mut text = format!("### {title}\n\n*{question}* `cargo run -- experiment {id}`\n\n");
+        let Some(claims) = &self.claims else {
+            text.push_str("Not yet run at the paper's scale.\n");
             return text;
         };
-        let seconds: f64 = manifest.tasks.iter().map(|task| task.seconds).sum();
-        let _ = writeln!(
-            text,
-            " took {} on {} threads.\n",
-            duration(seconds),
-            manifest.threads
-        );
         let _ = writeln!(text, "![{title}](results/paper/{id}/{id}.png)\n");
         text.push_str("| the paper says | where | ours | verdict |\n|---|---|---|---|\n");
         for claim in claims {
@@ -172,7 +141,7 @@ fn overview(studies: &[Told]) -> String {
         let _ = write!(text, " {verdict} |");
     }
     text.push_str("\n|---|---|---|---|---|---|\n");
-    for Told { study, results } in studies {
+    for Told { study, claims } in studies {
         let _ = write!(
             text,
             "| {} | [`{id}`](results/paper/{id}) |",
@@ -180,7 +149,7 @@ fn overview(studies: &[Told]) -> String {
             id = study.id
         );
         for verdict in ALL {
-            let claims = results.iter().flat_map(|results| &results.claims);
+            let claims = claims.iter().flatten();
             match claims.filter(|claim| claim.verdict == verdict).count() {
                 0 => text.push_str(" |"),
                 n => {

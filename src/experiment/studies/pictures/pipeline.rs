@@ -164,7 +164,7 @@ impl Study for Pipeline {
 }
 
 impl Pipeline {
-    /// The test image with the median error, step by step.
+    /// The test image with the median error, among the half that shows most of the arm, step by step.
     fn figure(&self, done: Done<'_>) -> Result<Figure> {
         let (rig, arm) = self.validation.set.rig()?;
         let ruler = Ruler::new(&rig, arm)?;
@@ -176,9 +176,12 @@ impl Pipeline {
             .validation
             .outcomes(std::slice::from_ref(&self.task), done)?;
         let pose = |o: &Outcome| o.estimate.thresholds[self.step].pose.clone();
+        let mut visible: Vec<usize> = outcomes.iter().map(|outcome| outcome.visible).collect();
+        visible.sort_unstable();
+        let median = visible.get(visible.len() / 2).copied().unwrap_or(0);
         let mut from_best: Vec<(f64, &Outcome)> = outcomes
             .iter()
-            .filter(|outcome| outcome.arm_seen)
+            .filter(|outcome| outcome.arm_seen && outcome.visible >= median)
             .map(|o| (ruler.measure(&o.truth, &pose(o)).all_deg, o))
             .collect();
         from_best.sort_by(|a, b| a.0.total_cmp(&b.0));
@@ -206,9 +209,10 @@ impl Pipeline {
         Ok(Figure {
             title: self.specification.title.clone(),
             caption: format!(
-                "Image {image}, the one with the median error among the test images of a fold. {} All but \
-                 the pixels of the estimated arm become invalid; features are computed after that. \
-                 Confidence: red is the image's highest, blue its lowest.",
+                "Image {image}: of the test images of a fold, among the half that shows most of the arm, \
+                 the one with the median error. {} All but the pixels of the estimated arm become \
+                 invalid; features are computed after that. Confidence: red is the image's highest, \
+                 blue its lowest.",
                 class_legend(&set)
             ),
             panels: vec![
