@@ -117,3 +117,23 @@ fn an_image_without_the_arm_is_told_from_one_with_it() {
     let balanced = (seen(&|visible| visible > 1000) + 1.0 - seen(&|visible| visible < 50)) / 2.0;
     assert!(balanced >= 0.95, "{balanced}");
 }
+
+/// Given true parts and true votes, the baseline's later stages recover the joints that positions can
+/// tell: on the committed comparison.
+#[test]
+fn true_votes_recover_the_arm() {
+    let summary = root().join("results/paper/fig11a/summary.csv");
+    let mut reader = csv::Reader::from_path(summary).unwrap();
+    let columns = reader.headers().unwrap().clone();
+    let cell = |row: &csv::StringRecord, name: &str| {
+        row[columns.iter().position(|c| c == name).unwrap()].to_owned()
+    };
+    let oracle = reader.records().map(Result::unwrap).find(|row| {
+        cell(row, "method") == "part-baseline-oracle"
+            && cell(row, "shown") == "all"
+            && cell(row, "measure") == "observable joints"
+    });
+    let oracle = oracle.unwrap();
+    assert!(cell(&oracle, "median_image").parse::<f64>().unwrap() < 1.0);
+    assert!(cell(&oracle, "images").parse::<usize>().unwrap() > 100);
+}
