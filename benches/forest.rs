@@ -1,4 +1,4 @@
-//! Training one tree at the paper's size and MSPD as published at a size it can do, estimating in one image, loading a model.
+//! Training one tree at the paper's size, and MSPD as published at a size it can do.
 
 use armpose::camera::DepthImage;
 use armpose::distances::DistanceMatrix;
@@ -12,7 +12,6 @@ use armpose::forest::objective::{Objective, mse::mse, mspd::mspd};
 use armpose::forest::pose_forest::PoseForest;
 use armpose::random::{below, stream, uniform};
 use criterion::{Criterion, SamplingMode, criterion_group, criterion_main};
-use std::hint::black_box;
 use std::time::Duration;
 
 const POSES: usize = 160;
@@ -82,7 +81,6 @@ fn image(pose: &[f64]) -> DepthImage {
 
 struct Data {
     features: DepthFeatures,
-    images: Vec<DepthImage>,
     binned: BinnedMatrix,
     targets: Vec<u16>,
     table: TargetTable,
@@ -119,7 +117,6 @@ fn samples(samples_per_pose: usize) -> Data {
     .unwrap();
     Data {
         features,
-        images,
         binned: BinnedMatrix::new(&matrix).unwrap(),
         targets: (0..POSES * samples_per_pose)
             .map(|i| (i / samples_per_pose) as u16)
@@ -188,35 +185,6 @@ fn benches(criterion: &mut Criterion) {
             b.iter(|| one_core.install(|| grow(&some, &*objective, 1, 22)));
         });
     }
-
-    let forest = grow(&data, &*by_variance, 10, 22);
-    let tree = &forest.trees()[0];
-    println!("{} leaves, {} deep", tree.leaves(), tree.depth());
-    let padded = PaddedDepth::new(&data.images[0], forest.features().reach());
-    let pixels = (0..480).flat_map(|y| (0..640).map(move |x| (x, y)));
-    let positions: Vec<u32> = pixels.map(|(x, y)| padded.position(x, y)).collect();
-    group.bench_function("leaves of 640 x 480 pixels in 10 trees, one core", |b| {
-        let features = forest.features().on(&padded);
-        b.iter(|| one_core.install(|| black_box(forest.find_leaves(&features, &positions))));
-    });
-    group.bench_function("confidences and poses of these pixels", |b| {
-        let leaves = forest.find_leaves(&forest.features().on(&padded), &positions);
-        let mut pose = [0.0; JOINTS];
-        b.iter(|| {
-            black_box(leaves.confidences());
-            for pixel in 0..positions.len() {
-                leaves.pose(pixel, &mut pose);
-                black_box(&pose);
-            }
-        });
-    });
-
-    let folder = tempfile::tempdir().unwrap();
-    let path = folder.path().join("model");
-    forest.save(&path).unwrap();
-    group.bench_function("load the model of 10 trees", |b| {
-        b.iter(|| PoseForest::load(&path).unwrap());
-    });
 }
 
 criterion_group!(forest, benches);

@@ -13,6 +13,10 @@ use serde::{Deserialize, Serialize};
 /// The depth of what cannot be seen. Depths beyond it are clamped to it.
 pub const D_INVALID_MM: i16 = 5000;
 
+/// How many neighbours of a row a tree looks at together: what fits two vectors of 128 bits, which every
+/// x86-64 has.
+pub const LANES: usize = 16;
+
 /// A window wider than this is taken for a mistake: it would cost gigabytes of border.
 const MAX_WINDOW: usize = 2000;
 /// A tree's node holds its feature in 16 bits, and the last value marks a leaf.
@@ -148,15 +152,25 @@ impl DepthFeatures {
             self.extra != Extra::Context || image.context.len() == image.values.len(),
             "the image has no context"
         );
-        let corner = (image.margin * image.stride + image.margin) as i32;
+        let corner = image.corner() as i32;
         let linear =
             |[x, y]: [i16; 2]| (corner + i32::from(y) * image.stride as i32 + i32::from(x)) as u32;
+        let (mut columns, mut rows) = (vec![], vec![]);
+        if self.extra == Extra::Pixel {
+            let row: Vec<i16> = (0..image.stride).map(|column| column as i16).collect();
+            // As many rows more as lie behind the last position however narrow the image is.
+            columns = row.repeat(image.height + LANES);
+            rows = vec![0; columns.len()];
+            for (row, values) in rows.chunks_exact_mut(image.stride).enumerate() {
+                values.fill(row as i16);
+            }
+        }
         FeaturesOnImage {
             image,
-            values: &image.values,
             offsets: self.offsets.iter().map(|o| o.map(linear)).collect(),
             extra: self.extra,
-            rows_per_value: 1.0 / image.stride as f64,
+            columns,
+            rows,
         }
     }
 
@@ -165,15 +179,18 @@ impl DepthFeatures {
     pub fn fill(&self, image: &PaddedDepth, positions: &[u32], columns: &mut [&mut [i16]]) {
         let features = self.on(image);
         for (feature, column) in columns.iter_mut().take(self.count()).enumerate() {
+            let (minuend, subtrahend) = features.operands(feature);
             for (value, &position) in column.iter_mut().zip(positions) {
-                *value = features.value(feature, position);
+                let at = position as usize;
+                *value = minuend[at] - subtrahend.map_or(0, |values| values[at]);
             }
         }
     }
 }
 
 /// A depth image with a border on all sides, in which invalid pixels and the border hold
-/// [`D_INVALID_MM`], so that a feature is the difference of two elements and nothing else.
+/// [`D_INVALID_MM`], so that a feature is the difference of two elements and nothing else. Behind the last
+/// one there are some more, so that [`LANES`] may be looked at from any pixel on.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
 pub struct PaddedDepth {
     values: Vec<i16>,
@@ -211,8 +228,10 @@ impl PaddedDepth {
         self.stride = image.width + 2 * margin;
         self.context.clear();
         self.values.clear();
-        self.values
-            .resize(self.stride * (image.height + 2 * margin), D_INVALID_MM);
+        self.values.resize(
+            self.stride * (image.height + 2 * margin) + LANES,
+            D_INVALID_MM,
+        );
         let rows = self.values.chunks_exact_mut(self.stride).skip(margin);
         for (row, source) in rows.zip(image.pixels.chunks_exact(image.width)) {
             for (value, &depth) in row[margin..].iter_mut().zip(source) {
@@ -238,7 +257,12 @@ impl PaddedDepth {
 
     /// The depth at a position, mm.
     pub fn depth(&self, position: u32) -> i16 {
-        self.values[position as usize + self.margin * self.stride + self.margin]
+        self.values[position as usize + self.corner()]
+    }
+
+    /// How far behind its position the value of a pixel stands.
+    fn corner(&self) -> usize {
+        self.margin * self.stride + self.margin
     }
 }
 
@@ -246,42 +270,38 @@ impl PaddedDepth {
 #[derive(Debug, Clone)]
 pub struct FeaturesOnImage<'a> {
     image: &'a PaddedDepth,
-    values: &'a [i16],
     offsets: Vec<[u32; 2]>,
     extra: Extra,
-    rows_per_value: f64,
+    /// Of each position; empty without [`Extra::Pixel`].
+    columns: Vec<i16>,
+    rows: Vec<i16>,
 }
 
 impl FeaturesOnImage<'_> {
     /// The value of `feature` at the pixel of `position`: eq. 4, mm, in -5000..=5000, or what follows.
-    #[inline]
     pub fn value(&self, feature: usize, position: u32) -> i16 {
-        match self.offsets.get(feature) {
-            Some(&[u, v]) => {
-                self.values[(position + u) as usize] - self.values[(position + v) as usize]
-            }
-            None => self.extra(feature - self.offsets.len(), position),
-        }
+        let (minuend, subtrahend) = self.operands(feature);
+        let at = position as usize;
+        minuend[at] - subtrahend.map_or(0, |values| values[at])
     }
 
-    /// The row of the image. A product is much faster than a division; with the half added it is
-    /// never near a whole number, so that rounding cannot matter.
+    /// Where the values of `feature` come from: at each position the element of the first slice minus
+    /// that of the second, if there is a second. Both go on for [`LANES`] elements from any position.
     #[inline]
-    fn row(&self, position: u32) -> u32 {
-        ((f64::from(position) + 0.5) * self.rows_per_value) as u32
-    }
-
-    #[inline]
-    fn extra(&self, extra: usize, position: u32) -> i16 {
-        match (self.extra, extra) {
-            (Extra::Context, _) => {
-                let [u, _] = self.offsets[extra];
-                self.image.context[(position + u) as usize]
-            }
-            (_, 0) => (position - self.row(position) * self.image.stride as u32) as i16,
-            (_, 1) => self.row(position) as i16,
-            _ => self.image.depth(position),
+    pub fn operands(&self, feature: usize) -> (&[i16], Option<&[i16]>) {
+        let image = self.image;
+        if let Some(&[u, v]) = self.offsets.get(feature) {
+            let values = &image.values;
+            return (&values[u as usize..], Some(&values[v as usize..]));
         }
+        let extra = feature - self.offsets.len();
+        let alone = match (self.extra, extra) {
+            (Extra::Context, _) => &image.context[self.offsets[extra][0] as usize..],
+            (_, 0) => &self.columns,
+            (_, 1) => &self.rows,
+            _ => &image.values[image.corner()..],
+        };
+        (alone, None)
     }
 }
 

@@ -1,10 +1,14 @@
 //! One pose from the estimates of many pixels (section III-C).
 
 use crate::forest::pose_forest::{PixelLeaves, PoseForest};
+use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
 /// The relative threshold t_r of eq. 12 is looked at in steps of `1 / STEPS`.
 pub const STEPS: usize = 100;
+
+/// How many values of a pose are summed by one thread.
+const COLUMNS: usize = 8;
 
 /// An image's estimate at every relative threshold, and the range of its confidences.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -53,50 +57,57 @@ impl ImageEstimate {
 /// the trees of leaf confidence times leaf pose, because the pixel's estimate is the mean of the
 /// leaves' poses weighted by their confidences, and its confidence the mean of theirs. So eq. 13 is
 /// a quotient of sums over pixels and trees. They are gathered by the highest threshold that a pixel
-/// reaches, and then added up from the top.
+/// reaches, each in the order of trees and pixels, and then added up from the top.
 pub fn combine(
     forest: &PoseForest,
     leaves: &PixelLeaves,
     foreground: &[bool],
 ) -> Option<ImageEstimate> {
     let confidences = leaves.confidences();
-    let min = confidences.iter().copied().reduce(f32::min)?;
-    let max = confidences.iter().copied().reduce(f32::max)?;
-    let reached: Vec<usize> = confidences
-        .iter()
-        .map(|&c| highest_step(c, min, max))
+    let min = confidences.par_iter().copied().reduce_with(f32::min)?;
+    let max = confidences.par_iter().copied().reduce_with(f32::max)?;
+    let reached: Vec<u8> = confidences
+        .par_iter()
+        .map(|&c| highest_step(c, min, max) as u8)
         .collect();
-
-    let width = forest.names().len();
-    // Sums of confidence times pose, and last of confidence, of the pixels that reach just this step.
-    let mut sums = vec![vec![0.0f64; width + 1]; STEPS + 1];
-    for (tree, table) in forest.leaves().iter().enumerate() {
-        let of_leaf = &forest.confidences()[tree];
-        for (&leaf, &step) in leaves.of_tree(tree).iter().zip(&reached) {
-            let confidence = f64::from(of_leaf[leaf as usize]);
-            let (last, pose) = sums[step].split_last_mut()?;
-            *last += confidence;
-            for (sum, &y) in pose.iter_mut().zip(table.row(leaf as usize)) {
-                *sum += confidence * f64::from(y);
-            }
-        }
-    }
     let mut counts = vec![(0, 0); STEPS + 1];
     for (&step, &shows_arm) in reached.iter().zip(foreground) {
-        counts[step].0 += 1;
-        counts[step].1 += usize::from(shows_arm);
+        counts[usize::from(step)].0 += 1;
+        counts[usize::from(step)].1 += usize::from(shows_arm);
     }
 
-    let mut total = vec![0.0; width + 1];
+    // By step, the sums of the leaves' confidences, and of their products with the values of the poses
+    // from the `first` on.
+    let width = forest.names().len();
+    let add_up = |first: usize| {
+        let mut sums = vec![(0.0f64, [0.0f64; COLUMNS]); STEPS + 1];
+        for (tree, table) in forest.leaves().iter().enumerate() {
+            let of_leaf = &forest.confidences()[tree];
+            for (&leaf, &step) in leaves.of_tree(tree).iter().zip(&reached) {
+                let confidence = f64::from(of_leaf[leaf as usize]);
+                let (weight, sums) = &mut sums[usize::from(step)];
+                *weight += confidence;
+                for (sum, &y) in sums.iter_mut().zip(&table.row(leaf as usize)[first..]) {
+                    *sum += confidence * f64::from(y);
+                }
+            }
+        }
+        sums
+    };
+    let firsts: Vec<usize> = (0..width).step_by(COLUMNS).collect();
+    let sums: Vec<_> = firsts.par_iter().map(|&first| add_up(first)).collect();
+
+    let (mut weight, mut total) = (0.0, vec![0.0; width]);
     let (mut pixels, mut arm) = (0, 0);
     let mut thresholds = Vec::with_capacity(STEPS + 1);
-    for (step, count) in sums.iter().zip(&counts).rev() {
-        total.iter_mut().zip(step).for_each(|(t, s)| *t += s);
-        pixels += count.0;
-        arm += count.1;
-        let (weight, pose) = total.split_last()?;
+    for step in (0..=STEPS).rev() {
+        weight += sums.first()?[step].0;
+        let sums = sums.iter().flat_map(|columns| &columns[step].1);
+        total.iter_mut().zip(sums).for_each(|(t, s)| *t += s);
+        pixels += counts[step].0;
+        arm += counts[step].1;
         thresholds.push(ThresholdEstimate {
-            pose: pose.iter().map(|sum| sum / weight).collect(),
+            pose: total.iter().map(|sum| sum / weight).collect(),
             pixels,
             foreground: arm,
         });

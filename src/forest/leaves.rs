@@ -4,7 +4,7 @@ use super::ForestError;
 use super::bins::BinnedMatrix;
 use super::grow::{GrowSpec, Member, TargetTable, grow};
 use super::objective::Objective;
-use super::tree::Tree;
+use super::tree::{Tree, find_leaves};
 use crate::Progress;
 use crate::feature::FeaturesOnImage;
 use rayon::prelude::*;
@@ -97,12 +97,11 @@ pub(super) fn check_leaves(
     Ok(())
 }
 
-/// Pixels that one thread walks through a tree before it turns to the next, which takes the place
-/// of the last in the cache.
-const RUN: usize = 1 << 15;
+/// Pixels that a thread takes at once.
+const RUN: usize = 1 << 14;
 
 /// The first `width` values of the leaves of a pixel, mean over the trees: pixel by pixel, in
-/// parallel. Neighbouring `positions` should stand together.
+/// parallel. For `positions` see [`find_leaves`].
 pub(super) fn mean_values(
     trees: &[Tree],
     tables: &[LeafTable],
@@ -110,15 +109,16 @@ pub(super) fn mean_values(
     image: &FeaturesOnImage,
     positions: &[u32],
 ) -> Vec<f32> {
+    let leaves = find_leaves(trees, image, positions);
     let mut means = vec![0.0; positions.len() * width];
-    positions
-        .par_chunks(RUN)
-        .zip(means.par_chunks_mut(RUN * width))
-        .for_each(|(positions, means)| {
-            let mut found = vec![0; positions.len()];
-            for (tree, table) in trees.iter().zip(tables) {
-                tree.find_leaves(positions, |f, p| image.value(f, p), &mut found);
-                for (sums, &leaf) in means.chunks_exact_mut(width).zip(&found) {
+    means
+        .par_chunks_mut(RUN * width)
+        .enumerate()
+        .for_each(|(run, means)| {
+            let of_trees = leaves.chunks_exact(positions.len());
+            for (table, leaves) in tables.iter().zip(of_trees) {
+                let leaves = &leaves[run * RUN..];
+                for (sums, &leaf) in means.chunks_exact_mut(width).zip(leaves) {
                     let row = table.row(leaf as usize);
                     sums.iter_mut()
                         .zip(row)

@@ -1,5 +1,5 @@
-//! Random forests over binned integer features. Knows nothing of robots or images: targets come in
-//! as tables, or as the distances between them.
+//! Random forests over binned integer features. Knows nothing of robots, and while it grows nothing of
+//! images: targets come in as tables, or as the distances between them.
 //!
 //! The way through: a [`SampleMatrix`](crate::feature::SampleMatrix) becomes [`bins`]; [`grow`]
 //! grows [`tree`]s from them on an [`objective`]; [`leaves`] holds what the leaves say; a

@@ -20,6 +20,7 @@
 use super::ForestError;
 use super::leaves::LeafTable;
 use super::tree::{Node, Tree, TreeError};
+use rayon::prelude::*;
 use serde::Serialize;
 use serde::de::DeserializeOwned;
 use std::path::{Path, PathBuf};
@@ -158,20 +159,51 @@ fn decode<H: DeserializeOwned>(
     let features = features(&header);
     let width = content.number()? as usize;
     let count = content.number()?;
-    let (mut trees, mut tables) = (Vec::new(), Vec::new());
-    for tree in 0..count as usize {
+    let parts = (0..count)
+        .map(|_| Part::take(&mut content, width))
+        .collect::<Result<Vec<_>, _>>()?;
+    if !content.0.is_empty() {
+        return Err(Fault::Trailing(content.0.len()));
+    }
+    // Of several faults the first, whatever the number of threads.
+    let read: Vec<_> = parts
+        .par_iter()
+        .enumerate()
+        .map(|(tree, part)| part.read(tree, width, features))
+        .collect();
+    let read = read.into_iter().collect::<Result<Vec<_>, Fault>>()?;
+    let (trees, tables) = read.into_iter().unzip();
+    Ok((header, trees, tables))
+}
+
+/// Where the content of one tree stands.
+struct Part<'a> {
+    nodes: &'a [u8],
+    values: &'a [u8],
+    impurities: &'a [u8],
+}
+
+impl<'a> Part<'a> {
+    fn take(content: &mut Cursor<'a>, width: usize) -> Result<Self, Fault> {
         let nodes = content.number()? as usize;
         let leaves = content.number()? as usize;
-        let nodes = content.numbers(nodes, |[f0, f1, t0, t1, c0, c1, c2, c3]| Node {
+        let bytes = |count: usize, size: usize| count.checked_mul(size).ok_or(Fault::Altered);
+        Ok(Self {
+            nodes: content.take(bytes(nodes, 8)?)?,
+            values: content.take(bytes(bytes(leaves, width)?, 4)?)?,
+            impurities: content.take(bytes(leaves, 8)?)?,
+        })
+    }
+
+    fn read(&self, tree: usize, width: usize, features: usize) -> Result<(Tree, LeafTable), Fault> {
+        let nodes = numbers(self.nodes, |[f0, f1, t0, t1, c0, c1, c2, c3]| Node {
             feature: u16::from_le_bytes([f0, f1]),
             threshold: i16::from_le_bytes([t0, t1]),
             child: u32::from_le_bytes([c0, c1, c2, c3]),
-        })?;
+        });
         let nodes = Tree::new(nodes, features).map_err(|source| Fault::Tree { tree, source })?;
-        let size = leaves.checked_mul(width).ok_or(Fault::Altered)?;
-        let values = content.numbers(size, f32::from_le_bytes)?;
-        let impurities = content.numbers(leaves, f64::from_le_bytes)?;
-        let table = LeafTable::new(width, values, impurities)?;
+        let values = numbers(self.values, f32::from_le_bytes);
+        let table = LeafTable::new(width, values, numbers(self.impurities, f64::from_le_bytes))?;
         if table.leaves() != nodes.leaves() {
             return Err(Fault::Inconsistent(ForestError::Size {
                 what: "rows of a table of leaves",
@@ -179,13 +211,14 @@ fn decode<H: DeserializeOwned>(
                 expected: nodes.leaves(),
             }));
         }
-        trees.push(nodes);
-        tables.push(table);
+        Ok((nodes, table))
     }
-    match content.0.len() {
-        0 => Ok((header, trees, tables)),
-        more => Err(Fault::Trailing(more)),
-    }
+}
+
+/// The numbers that `bytes` hold, N bytes each.
+fn numbers<T, const N: usize>(bytes: &[u8], read: impl Fn([u8; N]) -> T) -> Vec<T> {
+    let (chunks, _) = bytes.as_chunks();
+    chunks.iter().map(|&chunk| read(chunk)).collect()
 }
 
 /// What has not been read yet.
@@ -202,15 +235,5 @@ impl<'a> Cursor<'a> {
         let bytes = self.0.split_first_chunk().ok_or(Fault::Altered)?;
         self.0 = bytes.1;
         Ok(u32::from_le_bytes(*bytes.0))
-    }
-
-    fn numbers<T, const N: usize>(
-        &mut self,
-        count: usize,
-        read: impl Fn([u8; N]) -> T,
-    ) -> Result<Vec<T>, Fault> {
-        let bytes = self.take(count.checked_mul(N).ok_or(Fault::Altered)?)?;
-        let (chunks, _) = bytes.as_chunks();
-        Ok(chunks.iter().map(|&chunk| read(chunk)).collect())
     }
 }

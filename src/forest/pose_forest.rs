@@ -3,7 +3,7 @@
 use super::ForestError;
 use super::leaves::{LeafTable, check_leaves};
 use super::model_file::{self, Fault, ModelError};
-use super::tree::Tree;
+use super::tree::{self, Tree};
 use crate::feature::{DepthFeatures, FeaturesOnImage};
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
@@ -35,8 +35,8 @@ enum Kind {
     PoseForest,
 }
 
-/// Pixels that are walked through a tree by one thread in one go.
-const RUN: usize = 4096;
+/// Pixels that a thread takes at once.
+const RUN: usize = 1 << 14;
 
 impl PoseForest {
     /// Joins the features that trees were grown on, the names of a pose's values, the trees, the
@@ -140,28 +140,13 @@ impl PoseForest {
         &self.leaves
     }
 
-    /// Finds the leaf of each pixel in each tree, in parallel. `image` is
-    /// `self.features().on(&padded)`; `positions` are [`PaddedDepth::position`]s, and neighbours
-    /// should stand together: they take much the same way.
-    ///
-    /// [`PaddedDepth::position`]: crate::feature::PaddedDepth::position
+    /// Finds the leaf of each pixel in each tree, see [`tree::find_leaves`]. `image` is
+    /// `self.features().on(&padded)`.
     pub fn find_leaves(&self, image: &FeaturesOnImage, positions: &[u32]) -> PixelLeaves<'_> {
-        let mut leaves = vec![0; self.trees.len() * positions.len()];
-        self.trees
-            .par_iter()
-            .zip(leaves.par_chunks_exact_mut(positions.len().max(1)))
-            .for_each(|(tree, leaves)| {
-                positions
-                    .par_chunks(RUN)
-                    .zip(leaves.par_chunks_mut(RUN))
-                    .for_each(|(positions, leaves)| {
-                        tree.find_leaves(positions, |f, p| image.value(f, p), leaves);
-                    });
-            });
         PixelLeaves {
             forest: self,
             pixels: positions.len(),
-            leaves,
+            leaves: tree::find_leaves(&self.trees, image, positions),
         }
     }
 }
@@ -184,13 +169,19 @@ impl PixelLeaves<'_> {
     /// The confidence of each pixel's estimate: the mean over the trees.
     pub fn confidences(&self) -> Vec<f32> {
         let mut confidences = vec![0.0f32; self.pixels];
-        for (tree, of_leaf) in self.forest.confidences.iter().enumerate() {
-            for (sum, &leaf) in confidences.iter_mut().zip(self.of_tree(tree)) {
-                *sum += of_leaf[leaf as usize];
-            }
-        }
         let trees = self.forest.trees.len() as f32;
-        confidences.iter_mut().for_each(|sum| *sum /= trees);
+        confidences
+            .par_chunks_mut(RUN)
+            .enumerate()
+            .for_each(|(run, confidences)| {
+                for (tree, of_leaf) in self.forest.confidences.iter().enumerate() {
+                    let leaves = &self.of_tree(tree)[run * RUN..];
+                    for (sum, &leaf) in confidences.iter_mut().zip(leaves) {
+                        *sum += of_leaf[leaf as usize];
+                    }
+                }
+                confidences.iter_mut().for_each(|sum| *sum /= trees);
+            });
         confidences
     }
 

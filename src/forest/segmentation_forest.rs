@@ -90,8 +90,8 @@ impl SegmentationForest {
     }
 
     /// The share of each class in the leaves of a pixel, mean over the trees: pixel by pixel, one
-    /// number a class, in parallel. `image` is `self.features().on(&padded)`; neighbouring
-    /// `positions` should stand together.
+    /// number a class, in parallel. `image` is `self.features().on(&padded)`; for `positions` see
+    /// [`tree::find_leaves`](super::tree::find_leaves).
     pub fn shares(&self, image: &FeaturesOnImage, positions: &[u32]) -> Vec<f32> {
         let classes = self.header.classes.len();
         mean_values(&self.trees, &self.leaves, classes, image, positions)

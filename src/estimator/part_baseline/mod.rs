@@ -16,7 +16,7 @@ use crate::feature::{FeaturesOnImage, PaddedDepth};
 use crate::forest::grow::GrowSpec;
 use crate::forest::part_forest::{PartClass, PartForest};
 use crate::forest::retrofit::RetrofitSpec;
-use crate::forest::tree::Tree;
+use crate::forest::tree::find_leaves;
 use crate::strict_toml;
 use nalgebra::Point3;
 use parts::{PartSpec, PartsError, read_parts};
@@ -130,15 +130,11 @@ pub fn find_joints(
     spec: &VoteSpec,
 ) -> Vec<Option<FoundJoint>> {
     let positions = positions(image, voters);
-    let leaves_of = |tree: &Tree| {
-        let mut leaves = vec![0; positions.len()];
-        tree.find_leaves(&positions, |f, p| features.value(f, p), &mut leaves);
-        leaves
-    };
-    let leaves: Vec<Vec<u32>> = forest.trees().par_iter().map(leaves_of).collect();
+    let leaves = find_leaves(forest.trees(), features, &positions);
     let find = |joint: usize| {
         let mut ballot = Ballot::new(spec);
-        for (tree, leaves) in leaves.iter().enumerate() {
+        let of_trees = leaves.chunks_exact(positions.len().max(1));
+        for (tree, leaves) in of_trees.enumerate() {
             for (voter, &leaf) in voters.iter().zip(leaves) {
                 for &[x, y, z, weight] in forest.votes(tree, leaf as usize, joint) {
                     ballot.cast(voter, [x, y, z], weight);

@@ -103,7 +103,7 @@ impl Task for SegmentationTask {
         let walks =
             self.set.spec.images as f64 * 270_000.0 * self.forest.training.forest.trees as f64;
         Cost {
-            seconds: 50e-9 * walks,
+            seconds: 20e-9 * walks,
             megabytes: 300.0,
         }
     }
