@@ -85,16 +85,30 @@ fn mean_f1(confusion: &Confusion) -> f64 {
     mean(&parts.map(|part| confusion.f1(part)).collect::<Vec<_>>())
 }
 
+impl Parts {
+    /// The baselines with different forests, the first of those that share one.
+    fn baselines(&self) -> Vec<&Baseline> {
+        let mut kept: Vec<&Baseline> = Vec::new();
+        for baseline in &self.compared.baselines {
+            let forest = |of: &Baseline| of.tasks.first().map(|task| task.forest.parameters());
+            if !kept.iter().any(|other| forest(other) == forest(baseline)) {
+                kept.push(baseline);
+            }
+        }
+        kept
+    }
+}
+
 impl Study for Parts {
     fn tasks(&self) -> Result<Vec<Arc<dyn Task>>> {
-        let baselines = self.compared.baselines.iter();
+        let baselines = self.baselines().into_iter();
         let tasks = baselines.flat_map(|baseline| &baseline.tasks);
         Ok(tasks.map(|task| task.clone() as Arc<dyn Task>).collect())
     }
 
     fn report(&self, done: Done<'_>) -> Result<Report> {
         let mut all = Vec::new();
-        for baseline in &self.compared.baselines {
+        for baseline in self.baselines() {
             let mut classes = Vec::new();
             let mut images = Vec::new();
             for task in &baseline.tasks {
