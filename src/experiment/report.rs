@@ -142,12 +142,11 @@ fn overview(studies: &[Told]) -> String {
     }
     text.push_str("\n|---|---|---|---|---|---|\n");
     for Told { study, claims } in studies {
-        let _ = write!(
-            text,
-            "| {} | [`{id}`](results/paper/{id}) |",
-            study.title,
-            id = study.id
-        );
+        let LoadedStudy { title, id, .. } = study;
+        let _ = match claims {
+            Some(_) => write!(text, "| {title} | [`{id}`](results/paper/{id}) |"),
+            None => write!(text, "| {title} | `{id}`, not yet run |"),
+        };
         for verdict in ALL {
             let claims = claims.iter().flatten();
             match claims.filter(|claim| claim.verdict == verdict).count() {

@@ -223,9 +223,9 @@ fn summary(sets: &[DataSet], counts: &[Counts], little: usize) -> Table {
     table
 }
 
-/// Twenty images spread over the set.
+/// Twelve images spread over the set.
 fn contact_sheet(set: &DataSet) -> Result<Figure> {
-    const PANELS: usize = 20;
+    const PANELS: usize = 12;
     let shown = set.len().min(PANELS);
     let panel = |at: usize| {
         // Not only multiples of a number that the visibility rule may treat apart.
@@ -248,8 +248,8 @@ fn contact_sheet(set: &DataSet) -> Result<Figure> {
                   valid pixels of each arm."
             .to_owned(),
         panels: (0..shown).map(panel).collect::<Result<_>>()?,
-        columns: 5,
-        size: (2000, 1400),
+        columns: 4,
+        size: (1500, 970),
     })
 }
 

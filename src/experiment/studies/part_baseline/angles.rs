@@ -1,42 +1,21 @@
 //! The error of the pose by either way (Fig. 11a).
 
+use super::verdicts::Test;
 use super::{Baseline, Compared, Parameters};
-use crate::experiment::claims::{Claim, ClaimResult, Verdict, difference};
+use crate::estimator::part_baseline::votes::FoundJoint;
 use crate::experiment::figure::{Axis, Figure, Mark, Panel, Plot, Shape};
 use crate::experiment::protocol::{FLOOR_COLOUR, Outcome, PoseError, Ruler};
-use crate::experiment::statistics::{bootstrap, mean, quantile, standard_deviation};
+use crate::experiment::statistics::{mean, quantile, standard_deviation};
 use crate::experiment::studies::cross_validation::report::fifths;
-use crate::experiment::studies::cross_validation::verdicts::worst_show_little;
 use crate::experiment::study::{Done, Report, Specification, Study};
 use crate::experiment::table::{Cell, Table};
 use crate::experiment::task::Task;
 use crate::experiment::tasks::part_estimates::{PartEstimated, PartEstimatesTask};
-use crate::random::stream;
 use anyhow::{Context, Result};
-use serde::Deserialize;
 use std::sync::Arc;
 
-/// How a claim is tested. Errors are mean joint errors, compared image by image.
-#[derive(Debug, Clone, Deserialize)]
-#[serde(deny_unknown_fields, rename_all = "kebab-case")]
-pub enum Test {
-    /// The error of the first is below that of each of the others.
-    Order {
-        smaller: String,
-        larger: Vec<String>,
-    },
-    /// The joints' positions are found more precisely by the first than by the second.
-    NearerJoints { smaller: String, larger: String },
-    /// What images that hardly show the arm add to the error is more with the first than with the
-    /// second.
-    MoreAffected { more: String, less: String },
-    /// Of the tenth of images with the largest errors, more than half are among the fifth that
-    /// shows the least of the arm.
-    WorstShowLittle { method: String },
-}
-
-struct Angles {
-    specification: Specification<Parameters, Test>,
+pub(super) struct Angles {
+    pub(super) specification: Specification<Parameters, Test>,
     compared: Compared,
 }
 
@@ -53,21 +32,21 @@ pub fn define(specification: Specification<Parameters, Test>) -> Result<Box<dyn 
 }
 
 /// A row of the comparison.
-struct Method {
-    id: String,
+pub(super) struct Method {
+    pub(super) id: String,
     title: String,
     colour: usize,
     /// In the order of the images.
-    images: Vec<Tested>,
+    pub(super) images: Vec<Tested>,
 }
 
 /// One image by one method.
-struct Tested {
+pub(super) struct Tested {
     image: usize,
     fold: usize,
-    visible: usize,
+    pub(super) visible: usize,
     pose: Vec<f64>,
-    error: PoseError,
+    pub(super) error: PoseError,
     /// Of the baseline only.
     parts: Option<Parts>,
 }
@@ -95,7 +74,7 @@ impl Tested {
     }
 
     /// The mean distance of the found positions from the joints, metres; NaN when none was found.
-    fn off_m(&self) -> f64 {
+    pub(super) fn off_m(&self) -> f64 {
         let found = self
             .parts
             .iter()
@@ -261,8 +240,7 @@ impl Angles {
             let images = outcomes.iter().zip(estimated).map(|(outcome, estimated)| {
                 let off = estimated.truth.iter().zip(&estimated.found);
                 let distance = |(truth, found): (&[f64; 3], &Option<_>)| {
-                    let found: &crate::estimator::part_baseline::votes::FoundJoint =
-                        found.as_ref()?;
+                    let found: &FoundJoint = found.as_ref()?;
                     let square = |axis: usize| (truth[axis] - found.at[axis]).powi(2);
                     Some((0..3).map(square).sum::<f64>().sqrt())
                 };
@@ -278,7 +256,7 @@ impl Angles {
     }
 
     /// Whether an image shows more than hardly anything of the arm.
-    fn shows_arm(&self, tested: &Tested) -> bool {
+    pub(super) fn shows_arm(&self, tested: &Tested) -> bool {
         tested.visible >= self.specification.parameters.little_px
     }
 
@@ -421,92 +399,6 @@ impl Angles {
             columns: 2,
             size: (2200, 1400),
         }
-    }
-
-    fn judge(&self, claim: &Claim<Test>, methods: &[Method]) -> Result<ClaimResult> {
-        let Some(test) = &claim.test else {
-            return Ok(claim.without_test());
-        };
-        let find = |id: &str| {
-            let method = methods.iter().find(|method| method.id == id);
-            method.with_context(|| format!("there is no method {id}"))
-        };
-        let all = |method: &Method| -> Vec<f64> {
-            method.images.iter().map(|t| t.error.all_deg).collect()
-        };
-        let mut random = stream(self.specification.seed, "claim", &[]);
-        Ok(match test {
-            Test::Order { smaller, larger } => {
-                let least = find(smaller)?;
-                let mut worst = Verdict::Reproduced;
-                let mut ours = Vec::new();
-                for id in larger {
-                    let gap = difference(&all(find(id)?), &all(least), &mut random);
-                    worst = worst.max(Verdict::of(&gap, 0.0, f64::INFINITY));
-                    ours.push(format!(
-                        "{id} - {smaller} = {:.2} deg ({:.2} to {:.2})",
-                        gap.mean, gap.low, gap.high
-                    ));
-                }
-                let ours = format!("{}; 95 % intervals", ours.join("; "));
-                claim.result(ours, least.images.len(), worst)
-            }
-            Test::NearerJoints { smaller, larger } => {
-                let (least, most) = (find(smaller)?, find(larger)?);
-                let pairs = most.images.iter().zip(&least.images);
-                let off = pairs.map(|(most, least)| (most.off_m(), least.off_m()));
-                let off: Vec<(f64, f64)> = off
-                    .filter(|(most, least)| !most.is_nan() && !least.is_nan())
-                    .collect();
-                let (most, least): (Vec<f64>, Vec<f64>) = off.into_iter().unzip();
-                let gap = difference(&most, &least, &mut random);
-                let ours = format!(
-                    "{larger}: {:.3} m, {smaller}: {:.3} m, difference {:.3} m (95 % interval {:.3} \
-                     to {:.3})",
-                    mean(&most),
-                    mean(&least),
-                    gap.mean,
-                    gap.low,
-                    gap.high
-                );
-                claim.result(ours, most.len(), Verdict::of(&gap, 0.0, f64::INFINITY))
-            }
-            Test::MoreAffected { more, less } => {
-                let (more_affected, less_affected) = (find(more)?, find(less)?);
-                let added = |method: &Method, drawn: &[usize]| {
-                    let of = |shown: bool| {
-                        let images = drawn.iter().map(|&image| &method.images[image]);
-                        let images = images.filter(|tested| self.shows_arm(tested) == shown);
-                        mean(
-                            &images
-                                .map(|tested| tested.error.all_deg)
-                                .collect::<Vec<_>>(),
-                        )
-                    };
-                    of(false) - of(true)
-                };
-                let gap =
-                    |drawn: &[usize]| added(more_affected, drawn) - added(less_affected, drawn);
-                let images = more_affected.images.len();
-                let everything: Vec<usize> = (0..images).collect();
-                let gap = bootstrap(images, gap, &mut random);
-                let ours = format!(
-                    "images that hardly show the arm add {:.2} deg with {more}, {:.2} deg with {less}; \
-                     difference {:.2} deg (95 % interval {:.2} to {:.2})",
-                    added(more_affected, &everything),
-                    added(less_affected, &everything),
-                    gap.mean,
-                    gap.low,
-                    gap.high
-                );
-                claim.result(ours, images, Verdict::of(&gap, 0.0, f64::INFINITY))
-            }
-            Test::WorstShowLittle { method } => {
-                let method = find(method)?;
-                let visible: Vec<f64> = method.images.iter().map(|t| t.visible as f64).collect();
-                worst_show_little(claim, &visible, &all(method))
-            }
-        })
     }
 }
 

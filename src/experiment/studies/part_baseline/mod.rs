@@ -4,6 +4,7 @@
 pub mod angles;
 pub mod parts;
 pub mod runtime;
+mod verdicts;
 
 use super::cross_validation::Parameters as Comparison;
 use super::segmentation::sight;
