@@ -40,18 +40,12 @@ fn studies_use_what_tuning_chose() {
     }
 }
 
-/// Studies that are not yet run at the paper's scale.
-const TO_RUN: [&str; 1] = ["variants"];
-
 /// Every study has committed results at the paper's scale, with a verdict on each of its claims.
 #[test]
 fn every_study_has_its_results_and_verdicts() {
     for entry in std::fs::read_dir(root().join("experiments")).unwrap() {
         let file = entry.unwrap().path();
         let id = file.file_stem().unwrap().to_str().unwrap().to_owned();
-        if TO_RUN.contains(&id.as_str()) {
-            continue;
-        }
         let results = root().join("results/paper").join(&id);
         let files = ["data.csv", "summary.csv", "claims.json", "manifest.json"];
         let figures = [format!("{id}.svg"), format!("{id}.png")];
