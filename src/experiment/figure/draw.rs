@@ -312,7 +312,12 @@ fn draw_image<DB: DrawingBackend, T>(
     let size = |n: usize| ((n as f64 * zoom) as usize).max(1);
     let (width, height) = (size(image.width), size(image.height));
     let left = (cell.left + cell.right - width as f64 - reserved) / 2.0;
-    let title_at = (left + width as f64 / 2.0, cell.top + 0.7 * PANEL_TITLE);
+    // Above the image, but not beyond the cell.
+    let half = text_width(title, PANEL_TITLE) / 2.0;
+    let middle = (left + width as f64 / 2.0)
+        .min(cell.right - half)
+        .max(cell.left + half);
+    let title_at = (middle, cell.top + 0.7 * PANEL_TITLE);
     canvas.text(title, title_at, PANEL_TITLE, CENTRE, false)?;
     let pixel = |across: f64, down: f64| {
         let column = (across * image.width as f64) as usize;

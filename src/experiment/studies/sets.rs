@@ -237,7 +237,7 @@ fn contact_sheet(set: &DataSet) -> Result<Figure> {
             .collect();
         let frame = set.frame(image).with_context(|| format!("image {image}"))?;
         Ok(Panel::Depth(DepthPanel {
-            title: format!("{image}: {} px", arms.join(", ")),
+            title: format!("{image}: {}", arms.join(", ")),
             image: frame.depth,
             range_mm: (500, 5000),
         }))
@@ -249,7 +249,7 @@ fn contact_sheet(set: &DataSet) -> Result<Figure> {
             .to_owned(),
         panels: (0..shown).map(panel).collect::<Result<_>>()?,
         columns: 4,
-        size: (1500, 970),
+        size: (1500, 900),
     })
 }
 

@@ -170,7 +170,7 @@ impl Study for Estimates {
             ),
             panels,
             columns: 4,
-            size: (1500, 300 * shown as u32 + 110),
+            size: (1500, 250 * shown as u32 + 110),
         };
         Ok(Report {
             data,

@@ -226,7 +226,7 @@ impl Pipeline {
                 Panel::Picture(drawn),
             ],
             columns: 5,
-            size: (2600, 560),
+            size: (2600, 500),
         })
     }
 

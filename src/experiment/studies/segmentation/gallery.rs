@@ -122,7 +122,7 @@ impl Study for Gallery {
                 .flat_map(|[truth, found, depth]| [depth, truth, found])
                 .collect(),
             columns: 6,
-            size: (2400, 340 * rows + 110),
+            size: (2400, 290 * rows + 110),
         };
         let mut data = Table::new(["image", "arms_f1", "shown"]);
         let places: Vec<usize> = (0..shown).map(place).collect();
