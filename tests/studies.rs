@@ -63,6 +63,18 @@ fn every_study_has_its_results_and_verdicts() {
     }
 }
 
+/// Manifests name the program, not where it stood on somebody's machine.
+#[test]
+fn manifests_hold_no_absolute_path_of_the_program() {
+    for entry in std::fs::read_dir(root().join("results/paper")).unwrap() {
+        let file = entry.unwrap().path().join("manifest.json");
+        let manifest: serde_json::Value =
+            serde_json::from_str(&std::fs::read_to_string(&file).unwrap()).unwrap();
+        let program = Path::new(manifest["command"][0].as_str().unwrap());
+        assert!(program.is_relative(), "{}", file.display());
+    }
+}
+
 /// REPRODUCE.md says what the committed results say.
 #[test]
 fn the_report_is_up_to_date() {

@@ -89,9 +89,11 @@ fn use_threads(threads: Option<usize>) -> Result<()> {
     pool.build_global().context("cannot start the threads")
 }
 
+/// The program by its name, wherever it was started from, and its arguments.
 fn command_line() -> Vec<String> {
-    let arguments = std::env::args_os();
-    arguments
-        .map(|a| a.to_string_lossy().into_owned())
+    let arguments = std::env::args_os().skip(1);
+    let arguments = arguments.map(|a| a.to_string_lossy().into_owned());
+    std::iter::once(env!("CARGO_BIN_NAME").to_owned())
+        .chain(arguments)
         .collect()
 }
