@@ -51,7 +51,7 @@ fn frame(criterion: &mut Criterion) {
     let camera_from_root = rig.camera_from_root(&root_from_link);
     let root_from_camera = camera_from_root.inverse();
     let room = furnish(&spec.room, &spec.furniture, &root_from_camera, &[], &mut s);
-    let mut bodies = robot_bodies(&rig, &root_from_link);
+    let mut bodies = robot_bodies(&rig, &root_from_link, &camera_from_root);
     bodies.push(room_body(&room, &camera_from_root));
 
     let mut group = criterion.benchmark_group("frame");

@@ -133,7 +133,7 @@ fn posed_again_from_joints_csv_the_robot_covers_the_same_pixels() {
         let error =
             rig.camera_from_root(&poses).to_homogeneous() - set.camera_from_root().to_homogeneous();
         assert!(error.abs().max() < 1e-12);
-        let alone = photographer.draw(&robot_bodies(&rig, &poses));
+        let alone = photographer.draw(&robot_bodies(&rig, &poses, set.camera_from_root_of(image)));
         let frame = set.frame(image).unwrap();
         let (mut same, mut behind_furniture) = (0, 0);
         for (&seen, &drawn) in frame.labels.pixels.iter().zip(&alone.labels.pixels) {

@@ -3,6 +3,7 @@
 
 mod bounds;
 mod check;
+mod dataset;
 mod experiment;
 mod report;
 
@@ -11,6 +12,7 @@ use armpose::experiment::cache::Cache;
 use armpose::experiment::study::Profile;
 use armpose::experiment::study_file::Request;
 use clap::{Parser, Subcommand};
+use indicatif::{ProgressBar, ProgressStyle};
 use std::io::{ErrorKind, Write};
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
@@ -29,6 +31,7 @@ enum Command {
     Check(check::Arguments),
     Bounds(bounds::Arguments),
     Report(report::Arguments),
+    Dataset(dataset::Arguments),
 }
 
 pub fn main() -> ExitCode {
@@ -37,6 +40,7 @@ pub fn main() -> ExitCode {
         Command::Check(arguments) => check::run(&arguments),
         Command::Bounds(arguments) => bounds::run(&arguments),
         Command::Report(arguments) => report::run(&arguments),
+        Command::Dataset(arguments) => dataset::run(&arguments),
     };
     result.unwrap_or_else(|error| {
         eprintln!("armpose: {error:#}");
@@ -87,6 +91,14 @@ fn cache(request: &Request) -> Cache {
 fn use_threads(threads: Option<usize>) -> Result<()> {
     let pool = rayon::ThreadPoolBuilder::new().num_threads(threads.unwrap_or(0));
     pool.build_global().context("cannot start the threads")
+}
+
+/// A bar on stderr, if that is a terminal; `what` says in the plural what is counted.
+fn progress_bar(steps: u64, what: &str) -> ProgressBar {
+    let style = ProgressStyle::with_template("{bar:20} {pos} of {len} {msg}, about {eta} left");
+    ProgressBar::new(steps)
+        .with_style(style.unwrap_or_else(|_| ProgressStyle::default_bar()))
+        .with_message(what.to_owned())
 }
 
 /// The program by its name, wherever it was started from, and its arguments.

@@ -1,7 +1,7 @@
 //! Draws the images of a data set and writes them.
 
-use super::record::{CameraRecord, ImageRecord, SetRecord, hash, write_json};
-use super::{DataSet, DataSetError, SetSpec, depth_file, label_file};
+use super::record::{CameraRecord, ImageRecord, SetRecord, hash, rows, write_json};
+use super::{DEPTH, DataSet, DataSetError, LABEL, SetSpec, depth_file, label_file};
 use crate::Progress;
 use crate::camera::png::{write_depth, write_labels};
 use crate::camera::{Camera, Photo, Photographer};
@@ -18,8 +18,9 @@ use std::path::Path;
 /// So many frames are drawn for an image before its specification is given up.
 const TRIES: usize = 2_000;
 
-/// Draws a data set into `folder`, which must be empty or not exist yet. Images are independent of
-/// each other: the same whatever their number and the number of threads. `progress` counts images.
+/// Draws a data set into `folder`, which must be empty or not exist yet, and is empty again when that
+/// fails. Images are independent of each other: the same whatever their number and the number of
+/// threads. `progress` counts images.
 pub fn generate(
     spec: &SetSpec,
     seed: u64,
@@ -27,21 +28,57 @@ pub fn generate(
     progress: Progress,
 ) -> Result<DataSet, DataSetError> {
     let studio = Studio::new(spec)?;
-    let write_error = |path: &Path| {
-        let path = path.to_owned();
-        move |source| DataSetError::Write { path, source }
-    };
-    for part in ["", "depth", "label"] {
-        let part = folder.join(part);
-        std::fs::create_dir_all(&part).map_err(write_error(&part))?;
-        let mut entries = part.read_dir().map_err(write_error(&part))?;
-        if entries.next().is_some() {
-            return Err(DataSetError::NotEmpty { path: part });
+    prepare(folder)?;
+    fill(&studio, seed, folder, progress).inspect_err(|_| {
+        // What cannot be removed is reported by the next attempt.
+        for part in [DEPTH, LABEL] {
+            let _ = std::fs::remove_dir_all(folder.join(part));
         }
+        for file in ["joints.csv", "camera.json", "set.json"] {
+            let _ = std::fs::remove_file(folder.join(file));
+        }
+    })
+}
+
+fn write_error(path: &Path) -> impl FnOnce(std::io::Error) -> DataSetError {
+    let path = path.to_owned();
+    move |source| DataSetError::Write { path, source }
+}
+
+/// Makes the folders of a data set. Whatever is there already belongs to somebody.
+fn prepare(folder: &Path) -> Result<(), DataSetError> {
+    std::fs::create_dir_all(folder).map_err(write_error(folder))?;
+    let mut entries = folder.read_dir().map_err(write_error(folder))?;
+    if entries.next().is_some() {
+        let is_there = |name: &str| folder.join(name).exists();
+        return Err(DataSetError::NotEmpty {
+            path: folder.to_owned(),
+            holds: if is_there("set.json") {
+                "already holds a data set; choose another folder, or delete this one first"
+            } else if is_there(DEPTH) && is_there(LABEL) {
+                "holds a data set that was never finished; delete the folder and try again"
+            } else {
+                "is not empty; a data set needs a folder of its own"
+            },
+        });
     }
+    for part in [DEPTH, LABEL] {
+        let part = folder.join(part);
+        std::fs::create_dir(&part).map_err(write_error(&part))?;
+    }
+    Ok(())
+}
+
+fn fill(
+    studio: &Studio,
+    seed: u64,
+    folder: &Path,
+    progress: Progress,
+) -> Result<DataSet, DataSetError> {
+    let spec = studio.spec;
     let draw = |photographer: &mut Photographer, image: usize| {
-        let mut stream = stream(seed, &format!("frames of {}", spec.name), &[image as u64]);
-        let shot = studio.shoot(image, photographer, &mut stream)?;
+        let streams = Streams::new(seed, &spec.name, image);
+        let shot = studio.shoot(image, photographer, streams)?;
         let (depth, label) = (depth_file(image), label_file(image));
         write_depth(&folder.join(&depth), &shot.photo.depth)?;
         write_labels(&folder.join(&label), &shot.photo.labels)?;
@@ -67,7 +104,7 @@ pub fn generate(
             .extend(hashes.into_iter().map(|(hash, file)| (file, hash)));
     }
     let joints_path = folder.join("joints.csv");
-    let table = joints_csv(&studio, &configurations);
+    let table = joints_csv(studio, &configurations);
     std::fs::write(&joints_path, table).map_err(write_error(&joints_path))?;
     let camera = CameraRecord::new(&studio.rig, &studio.camera, &studio.camera_from_root);
     write_json(&folder.join("camera.json"), &camera)?;
@@ -90,7 +127,24 @@ struct Studio<'a> {
     target: usize,
     poses: PoseSampler,
     collision: SelfCollision,
+    /// The nominal one.
     camera_from_root: Isometry3<f64>,
+}
+
+/// What an image is drawn from. The jitter has a stream of its own, so that poses do not depend on it.
+struct Streams {
+    frames: Stream,
+    jitter: Stream,
+}
+
+impl Streams {
+    fn new(seed: u64, set: &str, image: usize) -> Self {
+        let of = |what: &str| stream(seed, &format!("{what} of {set}"), &[image as u64]);
+        Streams {
+            frames: of("frames"),
+            jitter: of("camera jitter"),
+        }
+    }
 }
 
 struct Shot {
@@ -114,6 +168,17 @@ impl<'a> Studio<'a> {
         // The camera stands still, so that any configuration tells where.
         let any = sample(&mut stream(0, "camera", &[]));
         let camera_from_root = rig.camera_from_root(&rig.robot.forward_kinematics(&any));
+        let height = camera_from_root.inverse().translation.z - spec.room.floor;
+        if !(height > 0.0 && height < spec.room.height[0]) {
+            return Err(DataSetError::Spec {
+                set: spec.name.clone(),
+                message: format!(
+                    "the camera stands {height:.2} m above room.floor, which is not between floor and \
+                     ceiling; room.floor is a height in the robot's root frame, room.height the least \
+                     and greatest height of the ceiling above it"
+                ),
+            });
+        }
         Ok(Studio {
             spec,
             rig,
@@ -130,20 +195,29 @@ impl<'a> Studio<'a> {
         &self,
         image: usize,
         photographer: &mut Photographer,
-        stream: &mut Stream,
+        mut streams: Streams,
     ) -> Result<Shot, DataSetError> {
+        let Streams { frames, jitter } = &mut streams;
         let admits = |pixels: &[usize]| self.spec.admits(image, pixels, self.target);
         let mut record = ImageRecord::default();
         for _ in 0..TRIES {
-            let configuration = self.poses.sample(&self.rig.robot, stream);
+            let camera_from_root = match &self.spec.camera_jitter {
+                Some(spec) => spec.sample(jitter) * self.camera_from_root,
+                None => self.camera_from_root,
+            };
+            let root_from_camera = camera_from_root.inverse();
+            let configuration = self.poses.sample(&self.rig.robot, frames);
             let root_from_link = self.rig.robot.forward_kinematics(&configuration);
             let boxes = self.collision.boxes(&root_from_link);
-            if self.collision.first(&root_from_link, &boxes).is_some() || self.near_camera(&boxes) {
+            let camera = Point3::from(root_from_camera.translation.vector);
+            if self.collision.first(&root_from_link, &boxes).is_some()
+                || self.is_near(&camera, &boxes)
+            {
                 record.collided += 1;
                 continue;
             }
             // Most poses are out of view: the exact drawing of the robot alone tells it cheaply.
-            let mut bodies = robot_bodies(&self.rig, &root_from_link);
+            let mut bodies = robot_bodies(&self.rig, &root_from_link, &camera_from_root);
             let alone = photographer.draw(&bodies);
             let in_range = |&z: &f32| {
                 (self.camera.range.near_m..=self.camera.range.far_m).contains(&f64::from(z))
@@ -153,15 +227,16 @@ impl<'a> Studio<'a> {
                 record.hidden += 1;
                 continue;
             }
-            let root_from_camera = self.camera_from_root.inverse();
             let (room, furniture) = (&self.spec.room, &self.spec.furniture);
-            let background = furnish(room, furniture, &root_from_camera, &boxes, stream);
-            bodies.push(room_body(&background, &self.camera_from_root));
-            let photo = photographer.photograph(&bodies, stream);
+            let background = furnish(room, furniture, &root_from_camera, &boxes, frames);
+            bodies.push(room_body(&background, &camera_from_root));
+            let photo = photographer.photograph(&bodies, frames);
             let valid = photo.depth.pixels.iter().map(|&mm| mm > 0);
             record.valid = valid.clone().filter(|&v| v).count();
             record.arms = self.arm_pixels(valid, &photo.labels.pixels);
             if admits(&record.arms) {
+                record.camera_from_root = (self.spec.camera_jitter.as_ref())
+                    .map(|_| rows(&camera_from_root.to_homogeneous()));
                 return Ok(Shot {
                     configuration,
                     photo,
@@ -174,16 +249,16 @@ impl<'a> Studio<'a> {
             set: self.spec.name.clone(),
             image,
             tries: TRIES,
+            collided: record.collided,
         })
     }
 
     /// Whether an arm comes nearer to the camera than the specification allows.
-    fn near_camera(&self, boxes: &[Vec<OrientedBox>]) -> bool {
-        let camera = Point3::from(self.camera_from_root.inverse().translation.vector);
+    fn is_near(&self, camera: &Point3<f64>, boxes: &[Vec<OrientedBox>]) -> bool {
         let clearance = self.spec.poses.camera_clearance;
         let arms = self.rig.arms.iter().flat_map(|arm| &arm.links);
         arms.flat_map(|&link| &boxes[link])
-            .any(|part| part.distance(&camera) < clearance)
+            .any(|part| part.distance(camera) < clearance)
     }
 
     /// How many of the valid pixels show each arm.

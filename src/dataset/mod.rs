@@ -4,8 +4,9 @@
 //! depth/000000.png   16-bit grey, z-depth in mm, 0 = invalid
 //! label/000000.png   8-bit grey, 0 = background, else 1 + link index, for links of the arms
 //! joints.csv         image, then every joint in rad or m, the target arm's pose y first
-//! camera.json        intrinsics, and the camera's pose in the robot's root frame
-//! set.json           specification, seed, meaning of labels, pixel counts, hashes of all files
+//! camera.json        intrinsics, and the camera's nominal pose in the robot's root frame
+//! set.json           specification, seed, meaning of labels, pixel counts, the camera's pose in each
+//!                    image where it is jittered, hashes of all files
 //! ```
 //!
 //! [`SetSpec::read`] -> [`generate`] -> [`DataSet::open`] -> [`DataSet::frame`].
@@ -44,16 +45,22 @@ pub enum DataSetError {
     #[error("data set \"{set}\": {message}")]
     Spec { set: String, message: String },
     #[error(
-        "data set \"{set}\": none of {tries} frames drawn for image {image} shows enough of the \
-         robot without collision; widen the poses, ask for fewer pixels or move the camera"
+        "data set \"{set}\": of {tries} frames drawn for image {image}, {collided} have robot parts that \
+         collide or come too near to the camera, and all others show too little of the robot; widen the \
+         poses, ask for fewer pixels or move the camera"
     )]
     NoFrame {
         set: String,
         image: usize,
         tries: usize,
+        collided: usize,
     },
-    #[error("{path} is not empty; a data set needs a folder of its own", path = path.display())]
-    NotEmpty { path: PathBuf },
+    #[error("{path} {holds}", path = path.display())]
+    NotEmpty {
+        path: PathBuf,
+        /// What is in the way, and what to do.
+        holds: &'static str,
+    },
     #[error("cannot write {path}: {source}", path = path.display())]
     Write {
         path: PathBuf,
@@ -82,6 +89,8 @@ pub struct DataSet {
     record: SetRecord,
     camera: CameraRecord,
     camera_from_root: Isometry3<f64>,
+    /// By image; empty where the camera stands still.
+    jittered: Vec<Isometry3<f64>>,
     target: usize,
     /// The names of the columns of joints.csv, the target's pose y first.
     joints: Vec<String>,
@@ -137,6 +146,15 @@ impl DataSet {
                 "camera_from_root is no rigid motion".to_owned(),
             )
         })?;
+        let jittered = (record.images.iter())
+            .filter_map(|image| image.camera_from_root.as_ref())
+            .map(isometry)
+            .collect::<Option<Vec<_>>>();
+        let whole = |poses: &Vec<_>| poses.is_empty() || poses.len() == record.images.len();
+        let jittered = jittered.filter(whole).ok_or_else(|| {
+            let message = "a camera_from_root of the images is missing or no rigid motion";
+            invalid("set.json", message.to_owned())
+        })?;
         let target = record
             .arms
             .iter()
@@ -171,6 +189,7 @@ impl DataSet {
             record,
             camera,
             camera_from_root,
+            jittered,
             target,
             joints,
             values,
@@ -197,9 +216,15 @@ impl DataSet {
         &self.camera
     }
 
-    /// The pose of the robot's root in the camera's optical frame, the same for all images.
+    /// The nominal pose of the robot's root in the camera's optical frame.
     pub fn camera_from_root(&self) -> &Isometry3<f64> {
         &self.camera_from_root
+    }
+
+    /// The pose of the robot's root in the camera's optical frame when an image was taken: the nominal
+    /// one unless the camera is jittered.
+    pub fn camera_from_root_of(&self, image: usize) -> &Isometry3<f64> {
+        self.jittered.get(image).unwrap_or(&self.camera_from_root)
     }
 
     /// Index of the target arm in [`SetRecord::arms`].
@@ -284,12 +309,17 @@ fn missing(folder: &Path, file: &str) -> DataSetError {
     }
 }
 
+/// The folder of the depth images.
+const DEPTH: &str = "depth";
+/// The folder of the label images.
+const LABEL: &str = "label";
+
 fn depth_file(image: usize) -> String {
-    format!("depth/{image:06}.png")
+    format!("{DEPTH}/{image:06}.png")
 }
 
 fn label_file(image: usize) -> String {
-    format!("label/{image:06}.png")
+    format!("{LABEL}/{image:06}.png")
 }
 
 /// The rigid motion with these rows, `None` if it is none.

@@ -47,7 +47,7 @@ pub struct LabelRecord {
     pub arm: String,
 }
 
-#[derive(Debug, Clone, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 pub struct ImageRecord {
     /// Pixels with valid depth.
     pub valid: usize,
@@ -57,9 +57,14 @@ pub struct ImageRecord {
     pub collided: usize,
     /// Frames drawn in vain before this one because too little of the robot was seen.
     pub hidden: usize,
+    /// Where this image was taken from, as [`CameraRecord::camera_from_root`]; absent where the camera
+    /// stands still.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub camera_from_root: Option<[[f64; 4]; 4]>,
 }
 
-/// `camera.json`: the camera's geometry, for those who read the images without the robot.
+/// `camera.json`: the camera's geometry, for those who read the images without the robot. Where the
+/// camera is jittered, its poses are the nominal one and `set.json` tells that of each image.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct CameraRecord {
     pub intrinsics: Intrinsics,
@@ -86,7 +91,8 @@ impl CameraRecord {
     }
 }
 
-fn rows(matrix: &Matrix4<f64>) -> [[f64; 4]; 4] {
+/// The rows of a 4x4 matrix.
+pub(super) fn rows(matrix: &Matrix4<f64>) -> [[f64; 4]; 4] {
     std::array::from_fn(|row| std::array::from_fn(|column| matrix[(row, column)]))
 }
 

@@ -1,12 +1,13 @@
 //! What a data set is: a strict TOML file such as `data/sets/pef.toml`.
 
 use super::DataSetError;
-use crate::scene::{FurnitureSpec, PoseSpec, RoomSpec};
+use crate::scene::{CameraJitter, FurnitureSpec, PoseSpec, RoomSpec};
 use crate::strict_toml;
 use serde::{Deserialize, Serialize};
 use std::path::{Path, PathBuf};
 
-/// The specification of a data set.
+/// The specification of a data set. The tables may be left out, and so may any key of theirs: their
+/// defaults suit an arm that stands on a floor or a table and is seen from one to two metres away.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct SetSpec {
@@ -24,15 +25,22 @@ pub struct SetSpec {
     pub camera: PathBuf,
     /// The arm whose pose is to be estimated.
     pub target: String,
+    /// Without it the camera stands still.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub camera_jitter: Option<CameraJitter>,
+    #[serde(default)]
     pub poses: PoseSpec,
+    #[serde(default)]
     pub visibility: VisibilitySpec,
+    #[serde(default)]
     pub room: RoomSpec,
+    #[serde(default)]
     pub furniture: FurnitureSpec,
 }
 
 /// What every image must show, in pixels with valid depth.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
+#[serde(default, deny_unknown_fields)]
 pub struct VisibilitySpec {
     /// Pixels of any arm.
     pub robot_pixels: usize,
@@ -40,6 +48,16 @@ pub struct VisibilitySpec {
     pub target_pixels: usize,
     /// Images whose number is a multiple of this need not show the target arm; 0: all must.
     pub exempt_every: usize,
+}
+
+impl Default for VisibilitySpec {
+    fn default() -> Self {
+        VisibilitySpec {
+            robot_pixels: 300,
+            target_pixels: 300,
+            exempt_every: 0,
+        }
+    }
 }
 
 impl SetSpec {
@@ -62,6 +80,17 @@ impl SetSpec {
             return fail(format!(
                 "images = {} must be 1 to {MOST_IMAGES}",
                 self.images
+            ));
+        }
+        if let Some(CameraJitter {
+            translation_m,
+            rotation_deg,
+        }) = self.camera_jitter
+            && !((0.0..=10.0).contains(&translation_m) && (0.0..=180.0).contains(&rotation_deg))
+        {
+            return fail(format!(
+                "camera_jitter must have translation_m = {translation_m} within 0 to 10 and \
+                 rotation_deg = {rotation_deg} within 0 to 180"
             ));
         }
         let room = &self.room;

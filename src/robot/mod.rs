@@ -12,7 +12,8 @@ use nalgebra::{Isometry3, Translation3, Unit, UnitQuaternion, Vector3};
 #[derive(Debug, Clone)]
 pub struct Link {
     pub name: String,
-    /// All visuals of the link merged, in the link's frame. Empty for a link without a body.
+    /// All visuals of the link merged, in the link's frame; its collision shapes where it has no
+    /// visuals. Empty for a link without a body.
     pub mesh: Mesh,
 }
 

@@ -65,7 +65,7 @@ pub enum UrdfProblem {
         why: String,
     },
     #[error(
-        "link \"{link}\": a visual is {extent:.0} m across, which looks like millimetres; give the mesh a scale of 0.001 (<mesh filename=\"...\" scale=\"0.001 0.001 0.001\"/>)"
+        "link \"{link}\": a body is {extent:.0} m across, which looks like millimetres; give the mesh a scale of 0.001 (<mesh filename=\"...\" scale=\"0.001 0.001 0.001\"/>)"
     )]
     TooLarge { link: String, extent: f64 },
 }
@@ -74,7 +74,8 @@ impl Robot {
     /// Reads a URDF file and the meshes (STL, OBJ, COLLADA) that its visuals name. A relative file
     /// name starts at the URDF's folder; `package://name/rest` is looked for in that folder and
     /// its ancestors, as `name/rest` and then, for a package folder of another name, as `rest`.
-    /// Boxes, cylinders, spheres and capsules are tessellated. Collision shapes are not read.
+    /// Boxes, cylinders, spheres and capsules are tessellated. The body of a link without any visual
+    /// is that of its collision shapes; those of other links are not read.
     pub fn from_urdf(path: &Path) -> Result<Robot, RobotError> {
         read(path).map_err(|problem| RobotError {
             path: path.to_owned(),
@@ -98,7 +99,7 @@ fn read(path: &Path) -> Result<Robot, UrdfProblem> {
         .map(|link| {
             Ok(Link {
                 name: link.name.clone(),
-                mesh: read_visuals(link, folder)?,
+                mesh: read_body(link, folder)?,
             })
         })
         .collect::<Result<_, UrdfProblem>>()?;
@@ -277,11 +278,16 @@ fn in_tree_order(urdf: &urdf_rs::Robot, joints: Vec<Joint>) -> Result<Vec<Joint>
     Ok(sorted)
 }
 
-fn read_visuals(link: &urdf_rs::Link, folder: &Path) -> Result<Mesh, UrdfProblem> {
-    let what = || format!("a visual of link \"{}\"", link.name);
+/// The visuals of a link as one mesh; its collision shapes if it has none.
+fn read_body(link: &urdf_rs::Link, folder: &Path) -> Result<Mesh, UrdfProblem> {
+    let what = || format!("a body of link \"{}\"", link.name);
+    let visuals = link.visual.iter().map(|v| (&v.geometry, &v.origin));
+    let collisions = link.collision.iter().map(|c| (&c.geometry, &c.origin));
+    let has_visuals = !link.visual.is_empty();
+    let collisions = collisions.filter(|_| !has_visuals);
     let mut merged = Mesh::default();
-    for visual in &link.visual {
-        let mesh = match &visual.geometry {
+    for (geometry, origin) in visuals.chain(collisions) {
+        let mesh = match geometry {
             Geometry::Box { size } => solids::cuboid(finite(**size, what)?),
             &Geometry::Cylinder { radius, length } => {
                 let [radius, length] = finite([radius, length], what)?;
@@ -312,7 +318,7 @@ fn read_visuals(link: &urdf_rs::Link, folder: &Path) -> Result<Mesh, UrdfProblem
                 extent,
             });
         }
-        merged.append(&mesh.transformed(&pose(&visual.origin, what)?));
+        merged.append(&mesh.transformed(&pose(origin, what)?));
     }
     Ok(merged)
 }

@@ -2,12 +2,14 @@
 
 mod collision;
 mod furniture;
+mod jitter;
 mod oriented_box;
 mod pose;
 mod rig;
 mod room;
 
 pub use collision::SelfCollision;
+pub use jitter::CameraJitter;
 pub use oriented_box::OrientedBox;
 pub use pose::{PoseSampler, PoseSpec};
 pub use rig::{Arm, Rig};
@@ -33,9 +35,13 @@ pub enum SceneError {
 }
 
 /// The links of a posed robot, as the camera draws them: labels as [`Rig::label`] says.
-/// `root_from_link` is what forward kinematics gives.
-pub fn robot_bodies<'a>(rig: &'a Rig, root_from_link: &[Isometry3<f64>]) -> Vec<Body<'a>> {
-    let camera_from_root = rig.camera_from_root(root_from_link);
+/// `root_from_link` is what forward kinematics gives, `camera_from_root` tells from where the robot
+/// is seen.
+pub fn robot_bodies<'a>(
+    rig: &'a Rig,
+    root_from_link: &[Isometry3<f64>],
+    camera_from_root: &Isometry3<f64>,
+) -> Vec<Body<'a>> {
     let links = rig.robot.links.iter().zip(root_from_link).enumerate();
     links
         .filter(|(_, (link, _))| !link.mesh.is_empty())

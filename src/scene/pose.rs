@@ -8,18 +8,26 @@ use std::collections::BTreeMap;
 
 /// Which joints move and how far. Every joint of every arm is drawn uniformly between its limits
 /// unless it is named here; all other joints rest at 0, or at the limit nearest to it.
-#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
 pub struct PoseSpec {
     /// Joints that keep one value (rad or m).
-    #[serde(default)]
     pub fixed: BTreeMap<String, f64>,
     /// Joints drawn uniformly from a range of their own, within their limits (rad or m).
-    #[serde(default)]
     pub ranges: BTreeMap<String, [f64; 2]>,
     /// No part of an arm comes nearer to the camera than this (m), since a head that carries the
     /// camera is not drawn and would collide.
     pub camera_clearance: f64,
+}
+
+impl Default for PoseSpec {
+    fn default() -> Self {
+        PoseSpec {
+            fixed: BTreeMap::new(),
+            ranges: BTreeMap::new(),
+            camera_clearance: 0.3,
+        }
+    }
 }
 
 /// Draws configurations.

@@ -14,7 +14,7 @@ use std::f64::consts::FRAC_PI_2;
 
 /// The size of the room: each distance (m) is drawn from a range.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
+#[serde(default, deny_unknown_fields)]
 pub struct RoomSpec {
     /// Height of the floor in the robot's root frame, z up.
     pub floor: f64,
@@ -28,10 +28,22 @@ pub struct RoomSpec {
     pub height: [f64; 2],
 }
 
+impl Default for RoomSpec {
+    fn default() -> Self {
+        RoomSpec {
+            floor: 0.0,
+            ahead: [1.8, 3.5],
+            aside: [1.0, 2.6],
+            behind: [1.0, 2.0],
+            height: [2.4, 3.0],
+        }
+    }
+}
+
 /// How many pieces of each kind there are: a number drawn from a range, both ends included. A
 /// piece that finds no free place is left out.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
+#[serde(default, deny_unknown_fields)]
 pub struct FurnitureSpec {
     pub closets: [usize; 2],
     pub shelves: [usize; 2],
@@ -39,6 +51,18 @@ pub struct FurnitureSpec {
     pub chairs: [usize; 2],
     /// No part of any piece comes nearer to the camera than this (m).
     pub clearance: f64,
+}
+
+impl Default for FurnitureSpec {
+    fn default() -> Self {
+        FurnitureSpec {
+            closets: [0, 1],
+            shelves: [0, 1],
+            tables: [0, 1],
+            chairs: [0, 3],
+            clearance: 0.6,
+        }
+    }
 }
 
 /// How often a place is drawn for a piece before it is left out.

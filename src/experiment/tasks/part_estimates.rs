@@ -223,6 +223,7 @@ pub struct Aligner {
     virtual_arm: VirtualArm,
     /// The mean pose of the training images.
     reference: Vec<f64>,
+    /// The nominal one: an estimate knows no better.
     root_from_camera: Isometry3<f64>,
 }
 
@@ -270,7 +271,7 @@ impl PartEstimatesTask {
         };
         let true_classes: Vec<u8> = pixels.iter().map(true_class).collect();
         let configuration = set.configuration(image, &work.rig.robot)?;
-        let camera_from_root = set.camera_from_root();
+        let camera_from_root = set.camera_from_root_of(image);
         let truth = joint_positions(
             &work.joints,
             &work.rig.robot,

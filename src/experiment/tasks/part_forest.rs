@@ -62,7 +62,7 @@ impl PartForestTask {
         let (classes, pixels) = samples.into_iter().flatten().unzip();
         let joints = |&image: &usize| {
             let configuration = set.configuration(image, &rig.robot)?;
-            let camera_from_root = set.camera_from_root();
+            let camera_from_root = set.camera_from_root_of(image);
             let at = joint_positions(&points, &rig.robot, &configuration, camera_from_root);
             let position = |at: &nalgebra::Point3<f64>| at.coords.map(|x| x as f32).into();
             anyhow::Ok(at.iter().map(position).collect())

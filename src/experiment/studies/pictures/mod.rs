@@ -110,7 +110,7 @@ fn overlay(
             configuration[dof] = value;
         }
         let links = rig.robot.forward_kinematics(&configuration);
-        let mut bodies = robot_bodies(rig, &links);
+        let mut bodies = robot_bodies(rig, &links, set.camera_from_root_of(image));
         bodies.retain(|body| arm.links.iter().any(|&link| rig.label(link) == body.label));
         let drawn = photographer.draw(&bodies).labels;
         let (width, height) = (drawn.width, drawn.height);
