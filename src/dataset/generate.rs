@@ -212,6 +212,7 @@ impl<'a> Studio<'a> {
             let camera = Point3::from(root_from_camera.translation.vector);
             if self.collision.first(&root_from_link, &boxes).is_some()
                 || self.is_near(&camera, &boxes)
+                || self.is_below_floor(&boxes)
             {
                 record.collided += 1;
                 continue;
@@ -259,6 +260,17 @@ impl<'a> Studio<'a> {
         let arms = self.rig.arms.iter().flat_map(|arm| &arm.links);
         arms.flat_map(|&link| &boxes[link])
             .any(|part| part.distance(camera) < clearance)
+    }
+
+    /// Whether an arm reaches through the floor. Its root link may: that is what it is mounted by.
+    fn is_below_floor(&self, boxes: &[Vec<OrientedBox>]) -> bool {
+        let links = self.rig.arms.iter().flat_map(|arm| &arm.links[1..]);
+        let corners = links
+            .flat_map(|&link| &boxes[link])
+            .flat_map(|part| part.corners());
+        corners
+            .into_iter()
+            .any(|corner| corner.z < self.spec.room.floor)
     }
 
     /// How many of the valid pixels show each arm.

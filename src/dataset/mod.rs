@@ -46,8 +46,8 @@ pub enum DataSetError {
     Spec { set: String, message: String },
     #[error(
         "data set \"{set}\": of {tries} frames drawn for image {image}, {collided} have robot parts that \
-         collide or come too near to the camera, and all others show too little of the robot; widen the \
-         poses, ask for fewer pixels or move the camera"
+         collide, come too near to the camera or reach through the floor, and all others show too little \
+         of the robot; widen the poses, ask for fewer pixels, or move camera or floor"
     )]
     NoFrame {
         set: String,

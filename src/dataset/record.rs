@@ -53,7 +53,8 @@ pub struct ImageRecord {
     pub valid: usize,
     /// Those of them that show each arm, in the order of `arms`.
     pub arms: Vec<usize>,
-    /// Frames drawn in vain before this one because robot parts collided.
+    /// Frames drawn in vain before this one because robot parts collided, with each
+    /// other or the floor, or came too near to the camera.
     pub collided: usize,
     /// Frames drawn in vain before this one because too little of the robot was seen.
     pub hidden: usize,
