@@ -3,8 +3,8 @@
 //! Arm Pose Estimation by Pixel-wise Regression of Joint Angles*, ICRA 2016.
 //!
 //! The modules follow the way data flows: [`robot`] description -> posed [`scene`] -> depth image
-//! of a simulated [`camera`] -> [`dataset`] on disk -> [`feature`] samples -> [`forest`] ->
-//! [`estimator`] -> [`experiment`].
+//! of a simulated [`camera`] -> [`dataset`] on disk -> [`feature`] samples -> [`forest`], by
+//! [`training`] -> [`estimator`] -> [`experiment`].
 //!
 //! Conventions everywhere: metres, radians and seconds in memory; depth images hold millimetres as
 //! `u16` with 0 = invalid; camera frames are optical frames (x right, y down, z forward);
@@ -23,6 +23,7 @@ pub mod random;
 pub mod robot;
 pub mod scene;
 pub mod strict_toml;
+pub mod training;
 
 /// Told how many units of work have been finished since the last call. Called from any thread.
 pub type Progress<'a> = &'a (dyn Fn(u64) + Sync);

@@ -10,12 +10,13 @@ use armpose::experiment::task::Task;
 use armpose::experiment::tasks::data_set::DataSetTask;
 use armpose::experiment::tasks::part_estimates::{PartEstimated, PartEstimatesTask, Voting};
 use armpose::experiment::tasks::part_forest::PartForestTask;
-use armpose::experiment::tasks::pose_forest::{FOREST_FILE, PoseForestTask, Training};
+use armpose::experiment::tasks::pose_forest::{FOREST_FILE, PoseForestTask};
 use armpose::experiment::tasks::sight::Sight;
 use armpose::feature::FeatureSpec;
 use armpose::forest::objective::ObjectiveKind;
 use armpose::forest::part_forest::PartForest;
 use armpose::forest::pose_forest::PoseForest;
+use armpose::training::Training;
 use std::path::Path;
 use std::sync::Arc;
 

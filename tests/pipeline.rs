@@ -6,13 +6,14 @@ use armpose::estimator::segmentation::LEAST_ARM_PIXELS;
 use armpose::experiment::task::Task;
 use armpose::experiment::tasks::data_set::DataSetTask;
 use armpose::experiment::tasks::estimates::EstimatesTask;
-use armpose::experiment::tasks::pose_forest::{PoseForestTask, Training};
+use armpose::experiment::tasks::pose_forest::PoseForestTask;
 use armpose::experiment::tasks::segmentation::{SegmentationTask, true_classes};
 use armpose::experiment::tasks::segmentation_forest::SegmentationForestTask;
 use armpose::experiment::tasks::sight::{SegmentationKind, Sight};
 use armpose::feature::FeatureSpec;
 use armpose::forest::grow::GrowSpec;
 use armpose::forest::objective::ObjectiveKind;
+use armpose::training::Training;
 use std::path::Path;
 use std::sync::Arc;
 
@@ -170,7 +171,12 @@ fn segmented_forests_see_one_arm_and_say_when_there_is_none() {
     ] {
         let sight = Sight::new(kind, || Ok(segmentation.clone())).unwrap();
         let input = sight.input().map(|_| &*segmented);
-        let arm_pixels = sight.arm_pixels(&set, input).unwrap().unwrap();
+        let arm_pixels: Vec<usize> = match kind {
+            SegmentationKind::Truth => (0..8)
+                .map(|image| set.record().images[image].arms[set.target()])
+                .collect(),
+            _ => confusions.iter().map(|image| image.given(arm)).collect(),
+        };
         let mut sure = Vec::new();
         for (image, &pixels) in arm_pixels.iter().enumerate() {
             let frame = set.frame(image).unwrap();
@@ -207,8 +213,8 @@ fn segmented_forests_see_one_arm_and_say_when_there_is_none() {
             sight: sight.clone(),
             fold: 0,
         });
-        let samples = pose_forest.samples_of(&set, input).unwrap();
-        let with_arm = (0..6).filter(|&i| !kind.removes() || arm_pixels[i] > 0);
+        let samples = pose_forest.samples_of(&set, input, &|_| ()).unwrap();
+        let with_arm = (0..6).filter(|&i| kind == SegmentationKind::Context || arm_pixels[i] > 0);
         assert_eq!(samples.targets.len(), 600 * with_arm.count());
         let features = if kind == SegmentationKind::Context {
             80

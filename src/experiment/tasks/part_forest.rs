@@ -34,17 +34,8 @@ impl PartForestTask {
     ) -> Result<PartSamples> {
         let (rig, arm) = self.samples.set.rig()?;
         let points = joint_points(&rig, arm);
-        let of_label = set.arm_of_label();
         let camera = &set.camera().intrinsics;
-        // An image of which a segmentation left nothing has no samples.
-        let mut has_samples = vec![false; self.samples.images.len()];
-        images
-            .iter()
-            .for_each(|&row| has_samples[usize::from(row)] = true);
-        let of_image = |(&image, &has_samples): (&usize, &bool)| {
-            if !has_samples {
-                return Ok(Vec::new());
-            }
+        let of_image = |&image: &usize| {
             let seen = self.samples.sight.look(set, segmented, image)?;
             let frame = &seen.frame;
             let sample = |&(x, y): &(u16, u16)| {
@@ -54,10 +45,10 @@ impl PartForestTask {
                 let point = camera.point(x, y, frame.depth.pixels[at]);
                 (u16::from(class), point.coords.map(|x| x as f32).into())
             };
-            let pixels = self.samples.pixels_of(&seen, image, &of_label)?;
+            let pixels = seen.pixels(&self.samples.training, set, image)?;
             anyhow::Ok(pixels.iter().map(sample).collect::<Vec<(u16, [f32; 3])>>())
         };
-        let rows = self.samples.images.par_iter().zip(&has_samples);
+        let rows = self.samples.images.par_iter();
         let samples = rows.map(of_image).collect::<Result<Vec<_>>>()?;
         let (classes, pixels) = samples.into_iter().flatten().unzip();
         let joints = |&image: &usize| {
@@ -144,7 +135,7 @@ impl Task for PartForestTask {
         let set = DataSet::open(&inputs[0])?;
         let segmented = inputs.get(1).map(PathBuf::as_path);
         let parts = Parts::new(&self.baseline.parts, set.record())?;
-        let samples = self.samples.samples_of(&set, segmented)?;
+        let samples = self.samples.samples_of(&set, segmented, &|_| ())?;
         let shown = self.part_samples(&set, segmented, &parts, samples.targets)?;
         let seed = seed(
             self.samples.set.seed,

@@ -2,35 +2,20 @@
 
 use super::data_set::DataSetTask;
 use super::distances::DistancesTask;
-use super::sight::{Seen, Sight};
+use super::sight::Sight;
 use crate::Progress;
-use crate::dataset::{DataSet, DataSetError, Pixel};
+use crate::dataset::DataSet;
 use crate::experiment::task::{Cost, Stage, Task};
-use crate::feature::{DepthFeatures, FeatureSpec, SampleMatrix};
 use crate::forest::ForestError;
-use crate::forest::bins::BinnedMatrix;
-use crate::forest::grow::{GrowSpec, TargetTable};
-use crate::forest::leaves::{LeafTable, grow_means};
+use crate::forest::leaves::LeafTable;
 use crate::forest::objective::{Make, Objective, ObjectiveKind};
 use crate::forest::pose_forest::PoseForest;
 use crate::forest::tree::Tree;
-use crate::random::stream;
+use crate::training::Training;
+use crate::training::pose::Samples;
 use anyhow::Result;
-use serde::{Deserialize, Serialize};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
-
-/// How a forest is trained on images, whichever they are.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct Training {
-    /// Pixels of either arm drawn from each image.
-    pub foreground: usize,
-    /// Other valid pixels drawn from each image.
-    pub background: usize,
-    pub features: FeatureSpec,
-    pub forest: GrowSpec,
-}
 
 /// Trains a forest on some images of a set: the file `forest.bin`.
 #[derive(Clone)]
@@ -49,56 +34,23 @@ pub struct PoseForestTask {
 /// The file in the folder of a trained forest.
 pub const FOREST_FILE: &str = "forest.bin";
 
-/// The pixels that a forest is trained on. The pixels of an image share its pose as their target.
-pub struct Samples {
-    pub features: DepthFeatures,
-    pub binned: BinnedMatrix,
-    /// One row for each training image.
-    pub poses: TargetTable,
-    /// The row of each sample.
-    pub targets: Vec<u16>,
-}
-
 impl PoseForestTask {
-    fn samples_per_image(&self) -> usize {
-        self.training.foreground + self.training.background
-    }
-
+    /// An upper bound: an image of which a segmentation leaves nothing has none.
     pub fn samples(&self) -> usize {
-        self.images.len() * self.samples_per_image()
+        self.images.len() * self.training.samples_per_image()
     }
 
     /// All that trees are grown from but the objective. `set` and `segmented` are the results of
     /// `self.set` and of what `self.sight` takes as input.
-    pub fn samples_of(&self, set: &DataSet, segmented: Option<&Path>) -> Result<Samples> {
-        let mut stream_of_features = stream(self.set.seed, "features", &[]);
+    pub fn samples_of(
+        &self,
+        set: &DataSet,
+        segmented: Option<&Path>,
+        progress: Progress,
+    ) -> Result<Samples> {
+        let see = |image| self.sight.look(set, segmented, image);
         let extra = self.sight.extra();
-        let features =
-            DepthFeatures::draw(&self.training.features, extra, &mut stream_of_features)?;
-        // An image of which nothing is left has nothing to draw from.
-        let counts: Vec<usize> = match self.sight.arm_pixels(set, segmented)? {
-            Some(pixels) if self.sight.kind.removes() => {
-                let has_pixels = |&image: &usize| usize::from(pixels[image] > 0);
-                let images = self.images.iter().map(has_pixels);
-                images.map(|any| any * self.samples_per_image()).collect()
-            }
-            _ => vec![self.samples_per_image(); self.images.len()],
-        };
-        let matrix = self.sample_matrix(set, segmented, &features, &counts)?;
-        let binned = BinnedMatrix::new(&matrix)?;
-        let poses: Vec<f64> = self
-            .images
-            .iter()
-            .flat_map(|&i| set.pose(i))
-            .copied()
-            .collect();
-        let of_image = |row: usize| std::iter::repeat_n(row as u16, counts[row]);
-        Ok(Samples {
-            features,
-            binned,
-            poses: TargetTable::new(set.target_joints().len(), poses)?,
-            targets: (0..self.images.len()).flat_map(of_image).collect(),
-        })
+        Samples::draw(set, &self.images, &self.training, extra, see, progress)
     }
 
     /// Trees on these samples, and the tables of their leaves.
@@ -106,62 +58,14 @@ impl PoseForestTask {
         &self,
         samples: &Samples,
         objective: &dyn Objective,
-        progress: Progress<'_>,
+        progress: Progress,
     ) -> Result<(Vec<Tree>, Vec<LeafTable>), ForestError> {
-        grow_means(
-            &samples.binned,
-            &samples.targets,
-            &samples.poses,
-            objective,
-            &self.training.forest,
-            self.seed_of_trees(),
-            progress,
-        )
+        let (spec, seed) = (&self.training.forest, self.seed_of_trees());
+        samples.grow(objective, spec, seed, progress)
     }
 
     pub fn seed_of_trees(&self) -> u64 {
         crate::random::seed(self.set.seed, "forest", &[self.fold as u64])
-    }
-
-    /// The pixels that are drawn from a training image, in the order of the samples. `arm_of_label`
-    /// comes from [`DataSet::arm_of_label`].
-    pub fn pixels_of(
-        &self,
-        seen: &Seen,
-        image: usize,
-        arm_of_label: &[Option<usize>; 256],
-    ) -> Result<Vec<Pixel>, DataSetError> {
-        let stage = format!("pixels of {}", self.set.spec.name);
-        let mut stream = stream(self.set.seed, &stage, &[image as u64]);
-        let (foreground, background) = (self.training.foreground, self.training.background);
-        seen.sample(arm_of_label, foreground, background, &mut stream)
-    }
-
-    /// The features' values at the pixels drawn from each image. Features and pixels are the same
-    /// for all folds and objectives.
-    fn sample_matrix(
-        &self,
-        set: &DataSet,
-        segmented: Option<&Path>,
-        features: &DepthFeatures,
-        counts: &[usize],
-    ) -> Result<SampleMatrix> {
-        let arms = set.arm_of_label();
-        SampleMatrix::fill(features.count(), counts, |row, runs| {
-            if counts[row] == 0 {
-                return Ok(());
-            }
-            let image = self.images[row];
-            let seen = self.sight.look(set, segmented, image)?;
-            let pixels = self.pixels_of(&seen, image, &arms)?;
-            let depth = seen.padded(features);
-            let positions: Vec<u32> = pixels
-                .iter()
-                .map(|&(x, y)| depth.position(x.into(), y.into()))
-                .collect();
-            features.fill(&depth, &positions, runs);
-            anyhow::Ok(())
-        })
     }
 }
 
@@ -216,21 +120,22 @@ impl Task for PoseForestTask {
         // Visits of a sample by a feature: one a level, and the levels grow with the logarithm.
         let levels = (samples / f64::from(forest.min_leaf)).log2().max(1.0);
         let visits = samples * levels * forest.features_per_node as f64 * forest.trees as f64;
-        let bytes = samples * self.training.features.count as f64 * 3.0;
+        let bytes = samples * self.training.features.count as f64;
         Cost {
-            seconds: 1.0e-9 * visits + 4e-9 * bytes,
-            megabytes: 100.0 + bytes / 1e6,
+            seconds: 1.0e-9 * visits + 12e-9 * bytes,
+            // Columns and rows of the bins, and samples that are yet to be binned.
+            megabytes: 700.0 + 2.0 * bytes / 1e6,
         }
     }
 
     fn steps(&self) -> u64 {
-        self.training.forest.trees as u64
+        self.training.steps(self.images.len())
     }
 
     fn run(&self, inputs: &[PathBuf], out: &Path, progress: Progress<'_>) -> Result<()> {
         let set = DataSet::open(&inputs[0])?;
         let segmented = self.sight.input().and(inputs.last());
-        let samples = self.samples_of(&set, segmented.map(PathBuf::as_path))?;
+        let samples = self.samples_of(&set, segmented.map(PathBuf::as_path), progress)?;
         let distances;
         let objective = match self.objective.make {
             Make::OfPoses(make) => make(&samples.poses)?,

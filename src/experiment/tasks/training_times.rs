@@ -1,6 +1,6 @@
 //! How long training takes, objective beside objective.
 
-use super::pose_forest::{PoseForestTask, Samples};
+use super::pose_forest::PoseForestTask;
 use crate::Progress;
 use crate::dataset::DataSet;
 use crate::experiment::manifest::timing_conditions;
@@ -9,6 +9,7 @@ use crate::forest::objective::Make;
 use crate::forest::objective::mspd_published::mspd_published;
 use crate::pose_space::disp::Disp;
 use crate::robot::Robot;
+use crate::training::pose::Samples;
 use anyhow::{Context, Result};
 use serde::{Deserialize, Serialize};
 use std::path::{Path, PathBuf};
@@ -185,11 +186,11 @@ impl Task for TrainingTimesTask {
             robot: &rig.robot,
             set: &set,
         };
-        let samples = first.samples_of(&set, None)?;
+        let samples = first.samples_of(&set, None, &|_| ())?;
         let few: Vec<Samples> = self
             .published
             .iter()
-            .map(|task| task.samples_of(&set, None))
+            .map(|task| task.samples_of(&set, None, &|_| ()))
             .collect::<Result<_>>()?;
         let mut times = Vec::new();
         // Side by side: what disturbs the machine for a while disturbs all alike.

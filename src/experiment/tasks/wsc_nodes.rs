@@ -1,7 +1,7 @@
 //! Growing trees and comparing the split of each node with the clusters of WSC (eqs. 7-9).
 
 use super::distances::DistancesTask;
-use super::pose_forest::{PoseForestTask, Samples};
+use super::pose_forest::PoseForestTask;
 use crate::Progress;
 use crate::dataset::DataSet;
 use crate::distances::DistanceMatrix;
@@ -11,6 +11,8 @@ use crate::forest::grow::{Member, grow};
 use crate::forest::objective::Objective;
 use crate::forest::objective::wsc::{NodeClusters, wsc};
 use crate::forest::tree::{LEAF, Node, Tree};
+use crate::training::pose::Samples;
+use crate::training::tree_steps;
 use anyhow::{Context, Result};
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
@@ -145,7 +147,7 @@ impl Task for WscNodesTask {
     fn run(&self, inputs: &[PathBuf], out: &Path, progress: Progress<'_>) -> Result<()> {
         let set = DataSet::open(&inputs[0])?;
         let distances = DistancesTask::read(&inputs[1])?.subset(&self.forest.images);
-        let samples = self.forest.samples_of(&set, None)?;
+        let samples = self.forest.samples_of(&set, None, progress)?;
         let objective = wsc(&distances)?;
         let grown: Vec<(Tree, Leaves)> = grow(
             &samples.binned,
@@ -154,7 +156,7 @@ impl Task for WscNodesTask {
             &self.forest.training.forest,
             self.forest.seed_of_trees(),
             Leaves::push,
-            progress,
+            &|trees| progress(tree_steps(self.forest.images.len()) * trees),
         )?;
         let look = |(tree, leaves): &(Tree, Leaves)| look(tree, leaves, &distances, &*objective);
         let mut looked: Vec<(TreeRecord, Vec<Split>)> = grown.par_iter().map(look).collect();

@@ -7,9 +7,9 @@ use crate::camera::{DepthImage, Image, Photographer};
 use crate::dataset::{DataSet, Frame};
 use crate::estimator::image::{ImageEstimate, combine, highest_step};
 use crate::experiment::figure::PicturePanel;
-use crate::experiment::tasks::sight::Seen;
 use crate::forest::pose_forest::PoseForest;
 use crate::scene::{Rig, robot_bodies};
+use crate::training::seen::Seen;
 use anyhow::{Context, Result};
 
 /// The colours of the true pose and of the estimate: far apart for all readers.
