@@ -4,6 +4,7 @@
 //! Cargo's folder for temporary files.
 
 use armpose::camera::DepthImage;
+use armpose::circular::Circular;
 use armpose::dataset::{DataSet, Frame, SetSpec, generate, sample_pixels};
 use armpose::estimator::image::combine;
 use armpose::feature::{
@@ -97,7 +98,7 @@ fn pose_forest(set: &DataSet) -> PoseForest {
     let table = TargetTable::new(names.len(), poses).expect("poses");
     let of_image = |image: usize, _: &Frame, _: usize| image as u16;
     let (trees, leaves) = grow(set, &features, 2000, 1000, table, &of_image, &spec);
-    PoseForest::new(features, names, trees, leaves, 1.0).expect("a forest")
+    PoseForest::new(features, names, Circular::default(), trees, leaves, 1.0).expect("a forest")
 }
 
 fn segmentation_forest(set: &DataSet) -> SegmentationForest {

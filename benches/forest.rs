@@ -1,6 +1,7 @@
 //! Training one tree at the paper's size, and MSPD as published at a size it can do.
 
 use armpose::camera::DepthImage;
+use armpose::circular::Circular;
 use armpose::distances::DistanceMatrix;
 use armpose::feature::{DepthFeatures, Extra, FeatureSpec, PaddedDepth, SampleMatrix};
 use armpose::forest::bins::BinnedMatrix;
@@ -149,7 +150,15 @@ fn grow(
     )
     .unwrap();
     let names = (0..JOINTS).map(|joint| format!("joint {joint}")).collect();
-    PoseForest::new(data.features.clone(), names, trees, leaves, 1.0).unwrap()
+    PoseForest::new(
+        data.features.clone(),
+        names,
+        Circular::default(),
+        trees,
+        leaves,
+        1.0,
+    )
+    .unwrap()
 }
 
 fn benches(criterion: &mut Criterion) {

@@ -3,6 +3,7 @@
 //! centimetre off, and with one of them half a metre off. Each iteration takes the next of 1,000
 //! poses; what single ones take, the shortest of five times, is printed before.
 
+use armpose::circular::Circular;
 use armpose::dataset::SetSpec;
 use armpose::estimator::error::mean_pose;
 use armpose::estimator::inverse_kinematics::{Settings, Target, VirtualArm};
@@ -44,7 +45,7 @@ fn inverse_kinematics(criterion: &mut Criterion) {
         joints.iter().map(|&dof| q[dof]).collect::<Vec<f64>>()
     };
     let trained: Vec<Vec<f64>> = (0..POSES).map(trained).collect();
-    let mean = mean_pose(trained.iter().map(Vec::as_slice));
+    let mean = mean_pose(trained.iter().map(Vec::as_slice), &Circular::default());
 
     let mut group = criterion.benchmark_group("inverse kinematics");
     group

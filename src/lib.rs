@@ -11,6 +11,7 @@
 //! `a_from_b` is the transform that takes coordinates in frame b to frame a.
 
 pub mod camera;
+pub mod circular;
 pub mod dataset;
 pub mod distances;
 pub mod estimator;

@@ -1,6 +1,7 @@
 //! Growing and predicting, held against slow and obvious versions of the same.
 
 use armpose::camera::DepthImage;
+use armpose::circular::Circular;
 use armpose::feature::{
     D_INVALID_MM, DepthFeatures, Extra, FeatureSpec, PaddedDepth, SampleMatrix,
 };
@@ -441,7 +442,7 @@ fn pose_forest(seed: u64, threads: usize) -> (PoseForest, Vec<DepthImage>) {
         .unwrap();
     let names = ["a", "b", "c"].map(String::from).to_vec();
     (
-        PoseForest::new(features, names, trees, leaves, 1.0).unwrap(),
+        PoseForest::new(features, names, Circular::default(), trees, leaves, 1.0).unwrap(),
         images,
     )
 }
@@ -518,6 +519,7 @@ fn confidences_follow_equation_2() {
         PoseForest::new(
             features.clone(),
             vec!["q".into()],
+            Circular::default(),
             vec![tree],
             vec![leaves],
             1.0,

@@ -1,5 +1,6 @@
 //! The right arm of the paper's robot, aligned with the origins of the links that its joints move.
 
+use armpose::circular::Circular;
 use armpose::dataset::SetSpec;
 use armpose::estimator::error::{angle_error, mean_pose};
 use armpose::estimator::inverse_kinematics::{Alignment, Settings, Target, VirtualArm};
@@ -64,7 +65,7 @@ impl Bed {
     fn mean_of_trained_poses(&self) -> Vec<f64> {
         let mut s = stream(1, "trained poses", &[]);
         let poses: Vec<_> = (0..160).map(|_| self.trained_pose(&mut s)).collect();
-        mean_pose(poses.iter().map(Vec::as_slice))
+        mean_pose(poses.iter().map(Vec::as_slice), &Circular::default())
     }
 
     fn targets(&self, pose: &[f64]) -> Vec<Option<Target>> {

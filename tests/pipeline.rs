@@ -74,7 +74,7 @@ fn a_forest_knows_the_images_it_was_trained_on() {
         .unwrap();
 
     let set = DataSet::open(&images).unwrap();
-    let constant = mean_pose((0..IMAGES).map(|image| set.pose(image)));
+    let constant = mean_pose((0..IMAGES).map(|image| set.pose(image)), set.circular());
     let mut ratios = Vec::new();
     for estimated in EstimatesTask::read(&out).unwrap() {
         let truth = set.pose(estimated.image);

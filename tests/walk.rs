@@ -1,6 +1,7 @@
 //! Pixels that walk through trees together end where each would end alone.
 
 use armpose::camera::{DepthImage, Image};
+use armpose::circular::Circular;
 use armpose::estimator::image::combine;
 use armpose::feature::{D_INVALID_MM, DepthFeatures, Extra, FeatureSpec, PaddedDepth};
 use armpose::forest::leaves::LeafTable;
@@ -185,6 +186,7 @@ fn sums_over_trees_have_an_order() {
     let pose = PoseForest::new(
         features.clone(),
         names(),
+        Circular::default(),
         trees.clone(),
         leaves.clone(),
         0.7,
@@ -227,7 +229,15 @@ fn an_image_is_the_mean_of_its_confident_pixels() {
         });
         let leaves = leaves.collect();
         let names = (0..width).map(|i| i.to_string()).collect();
-        let forest = PoseForest::new(features.clone(), names, trees, leaves, 0.7).unwrap();
+        let forest = PoseForest::new(
+            features.clone(),
+            names,
+            Circular::default(),
+            trees,
+            leaves,
+            0.7,
+        )
+        .unwrap();
         let padded = PaddedDepth::new(&scene.depth, features.reach());
         let positions: Vec<u32> = (0..31 * 23)
             .map(|at| padded.position(at % 31, at / 31))

@@ -53,6 +53,22 @@ impl Intrinsics {
         let along = |at: usize, centre: f64, focal: f64| (at as f64 - centre) / focal * z;
         Point3::new(along(x, self.cx, self.fx), along(y, self.cy, self.fy), z)
     }
+
+    /// What makes the numbers unusable, as a sentence; anything read from outside is asked this before
+    /// memory is taken for an image. (Comparisons are written so that a NaN fails them.)
+    pub fn mistake(&self) -> Option<String> {
+        let sides = [self.width, self.height];
+        if !sides.iter().all(|side| (1..=MAX_SIDE).contains(side)) {
+            return Some(format!(
+                "an image of {} x {} pixels; each side must be 1 to {MAX_SIDE}",
+                self.width, self.height
+            ));
+        }
+        let positive = |x: f64| x > 0.0 && x.is_finite();
+        let fine = positive(self.fx) && positive(self.fy);
+        (!(fine && self.cx.is_finite() && self.cy.is_finite()))
+            .then(|| "fx and fy must be positive, cx and cy finite".to_owned())
+    }
 }
 
 /// Something to be drawn.
@@ -125,14 +141,8 @@ impl Camera {
             range,
             projector,
         } = self;
-        if !((1..=MAX_SIDE).contains(&i.width) && (1..=MAX_SIDE).contains(&i.height)) {
-            return Some(format!(
-                "intrinsics: an image of {} x {} pixels; each side must be 1 to {MAX_SIDE}",
-                i.width, i.height
-            ));
-        }
-        if !(positive(i.fx) && positive(i.fy) && i.cx.is_finite() && i.cy.is_finite()) {
-            return Some("intrinsics: fx and fy must be positive, cx and cy finite".into());
+        if let Some(mistake) = i.mistake() {
+            return Some(format!("intrinsics: {mistake}"));
         }
         if !(range.near_m >= rasteriser::NEAR_PLANE && range.near_m < range.far_m) {
             return Some(format!(

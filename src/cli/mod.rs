@@ -6,6 +6,7 @@ mod check;
 mod dataset;
 mod experiment;
 mod report;
+mod robot;
 
 use anyhow::{Context, Result};
 use armpose::experiment::cache::Cache;
@@ -32,6 +33,7 @@ enum Command {
     Bounds(bounds::Arguments),
     Report(report::Arguments),
     Dataset(dataset::Arguments),
+    Robot(robot::Arguments),
 }
 
 pub fn main() -> ExitCode {
@@ -41,6 +43,7 @@ pub fn main() -> ExitCode {
         Command::Bounds(arguments) => bounds::run(&arguments),
         Command::Report(arguments) => report::run(&arguments),
         Command::Dataset(arguments) => dataset::run(&arguments),
+        Command::Robot(arguments) => robot::run(&arguments),
     };
     result.unwrap_or_else(|error| {
         eprintln!("armpose: {error:#}");

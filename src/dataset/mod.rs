@@ -12,12 +12,14 @@
 //! [`SetSpec::read`] -> [`generate`] -> [`DataSet::open`] -> [`DataSet::frame`].
 
 mod generate;
+mod portrait;
 mod record;
 mod sampling;
 mod sheet;
 mod spec;
 
 pub use generate::generate;
+pub use portrait::portrait;
 pub use record::{ArmRecord, CameraRecord, FORMAT, ImageRecord, LabelRecord, SetRecord};
 pub use sampling::{Pixel, draw_pixels, folds, sample_pixels};
 pub use sheet::{SheetStyle, contact_sheet, viridis};
@@ -25,6 +27,7 @@ pub use spec::{SetSpec, VisibilitySpec};
 
 use crate::camera::png::{PngError, read_depth, read_labels};
 use crate::camera::{CameraError, DepthImage, LabelImage};
+use crate::circular::Circular;
 use crate::robot::Robot;
 use crate::scene::SceneError;
 use crate::strict_toml::TomlError;
@@ -92,6 +95,7 @@ pub struct DataSet {
     /// By image; empty where the camera stands still.
     jittered: Vec<Isometry3<f64>>,
     target: usize,
+    circular: Circular,
     /// The names of the columns of joints.csv, the target's pose y first.
     joints: Vec<String>,
     /// One row for each image.
@@ -140,6 +144,9 @@ impl DataSet {
         }
         let record: SetRecord = record::read_json(&path)?;
         let camera: CameraRecord = record::read_json(&folder.join("camera.json"))?;
+        if let Some(mistake) = camera.intrinsics.mistake() {
+            return Err(invalid("camera.json", format!("intrinsics: {mistake}")));
+        }
         let camera_from_root = isometry(&camera.camera_from_root).ok_or_else(|| {
             invalid(
                 "camera.json",
@@ -166,6 +173,13 @@ impl DataSet {
                 format!("the target \"{target}\" is none of the arms"),
             )
         })?;
+        let arm = &record.arms[target];
+        let place = |name: &String| arm.joints.iter().position(|joint| joint == name);
+        let circular: Option<Vec<usize>> = arm.circular.iter().map(place).collect();
+        let circular = circular.ok_or_else(|| {
+            let message = "a circular joint is none of the arm's joints".to_owned();
+            invalid("set.json", message)
+        })?;
         let (joints, values) = read_joints(&folder.join("joints.csv"))?;
         if values.is_empty() || values.len() != record.images.len() {
             let (rows, images) = (values.len(), record.images.len());
@@ -191,6 +205,7 @@ impl DataSet {
             camera_from_root,
             jittered,
             target,
+            circular: Circular::new(circular),
             joints,
             values,
         };
@@ -235,6 +250,11 @@ impl DataSet {
     /// The names of the joints of the target's pose y, in order.
     pub fn target_joints(&self) -> &[String] {
         &self.record.arms[self.target].joints
+    }
+
+    /// Which values of the target's pose y are angles of joints that turn all round.
+    pub fn circular(&self) -> &Circular {
+        &self.circular
     }
 
     /// The target's pose y in an image. Panics when there is no such image.

@@ -38,6 +38,9 @@ pub struct ArmRecord {
     pub name: String,
     /// The joints of its pose y, in order.
     pub joints: Vec<String>,
+    /// Those of them that turn all round, see [`crate::robot::Joint::is_circular`].
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub circular: Vec<String>,
 }
 
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -100,13 +103,19 @@ pub(super) fn rows(matrix: &Matrix4<f64>) -> [[f64; 4]; 4] {
 impl SetRecord {
     /// The record of a set whose images have not been drawn yet.
     pub(super) fn new(spec: &SetSpec, seed: u64, rig: &Rig, camera: &Camera) -> Self {
-        let joint_name = |&dof: &usize| {
-            let joint = rig.robot.joints.iter().find(|j| j.dof == Some(dof));
-            joint.map_or_else(String::new, |j| j.name.clone())
-        };
-        let arm = |arm: &crate::scene::Arm| ArmRecord {
-            name: arm.name.clone(),
-            joints: arm.joints.iter().map(joint_name).collect(),
+        let name = |joint: &&crate::robot::Joint| joint.name.clone();
+        let arm = |arm: &crate::scene::Arm| {
+            let joint = |&dof: &usize| rig.robot.joints.iter().find(|j| j.dof == Some(dof));
+            let joints: Vec<_> = arm.joints.iter().filter_map(joint).collect();
+            ArmRecord {
+                name: arm.name.clone(),
+                joints: joints.iter().map(name).collect(),
+                circular: joints
+                    .iter()
+                    .filter(|j| j.is_circular())
+                    .map(name)
+                    .collect(),
+            }
         };
         let label = |(index, link): (usize, &crate::robot::Link)| {
             let arm = rig.arm_of_link(index)?;

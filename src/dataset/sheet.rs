@@ -115,7 +115,13 @@ pub fn viridis(x: f64) -> [u8; 3] {
     })
 }
 
-fn write_rgb(path: &Path, width: usize, height: usize, pixels: &[u8]) -> std::io::Result<()> {
+/// Writes an 8-bit PNG: red, green and blue of each pixel, row by row.
+pub(super) fn write_rgb(
+    path: &Path,
+    width: usize,
+    height: usize,
+    pixels: &[u8],
+) -> std::io::Result<()> {
     let file = BufWriter::new(File::create(path)?);
     let mut encoder = png::Encoder::new(file, width as u32, height as u32);
     encoder.set_color(png::ColorType::Rgb);

@@ -1,5 +1,6 @@
 //! How far an estimated pose is from the true one.
 
+use crate::circular::Circular;
 use crate::robot::Robot;
 use std::f64::consts::TAU;
 
@@ -42,16 +43,23 @@ pub fn tip_error(
 }
 
 /// The constant that a method must beat: the mean of `poses`, joint by joint.
-pub fn mean_pose<'a>(poses: impl ExactSizeIterator<Item = &'a [f64]>) -> Vec<f64> {
+pub fn mean_pose<'a>(
+    poses: impl ExactSizeIterator<Item = &'a [f64]>,
+    circular: &Circular,
+) -> Vec<f64> {
     let count = poses.len() as f64;
     let mut mean = Vec::new();
     for pose in poses {
-        mean.resize(pose.len(), 0.0);
-        for (sum, angle) in mean.iter_mut().zip(pose) {
-            *sum += angle / count;
+        let columns = circular.encode(pose);
+        mean.resize(columns.len(), 0.0);
+        for (sum, column) in mean.iter_mut().zip(columns) {
+            *sum += column / count;
         }
     }
-    mean
+    match mean.is_empty() {
+        true => mean,
+        false => circular.decode(mean),
+    }
 }
 
 #[cfg(test)]
@@ -82,6 +90,10 @@ mod tests {
     #[test]
     fn the_mean_pose_is_the_mean() {
         let poses = [vec![1.0, -2.0], vec![3.0, 4.0]];
-        assert_eq!(mean_pose(poses.iter().map(Vec::as_slice)), [2.0, 1.0]);
+        let mean = |circular| mean_pose(poses.iter().map(Vec::as_slice), &circular);
+        assert_eq!(mean(Circular::default()), [2.0, 1.0]);
+        // Of -2 and 4 = -2.28 on the circle.
+        let turned = mean(Circular::new(vec![1]));
+        assert!(turned[0] == 2.0 && (turned[1] - (2.0 - TAU) / 2.0).abs() < 1e-12);
     }
 }

@@ -56,7 +56,7 @@ impl ImageEstimate {
 /// All thresholds cost no more than one. A pixel's estimate times its confidence is the mean over
 /// the trees of leaf confidence times leaf pose, because the pixel's estimate is the mean of the
 /// leaves' poses weighted by their confidences, and its confidence the mean of theirs. So eq. 13 is
-/// a quotient of sums over pixels and trees. They are gathered by the highest threshold that a pixel
+/// a quotient of sums over pixels and trees; circular values are averaged by their cosines and sines. They are gathered by the highest threshold that a pixel
 /// reaches, each in the order of trees and pixels, and then added up from the top.
 pub fn combine(
     forest: &PoseForest,
@@ -78,7 +78,8 @@ pub fn combine(
 
     // By step, the sums of the leaves' confidences, and of their products with the values of the poses
     // from the `first` on.
-    let width = forest.names().len();
+    let circular = forest.circular();
+    let width = circular.columns(forest.names().len());
     let add_up = |first: usize| {
         let mut sums = vec![(0.0f64, [0.0f64; COLUMNS]); STEPS + 1];
         for (tree, table) in forest.leaves().iter().enumerate() {
@@ -107,7 +108,7 @@ pub fn combine(
         pixels += counts[step].0;
         arm += counts[step].1;
         thresholds.push(ThresholdEstimate {
-            pose: total.iter().map(|sum| sum / weight).collect(),
+            pose: circular.decode(total.iter().map(|sum| sum / weight).collect()),
             pixels,
             foreground: arm,
         });

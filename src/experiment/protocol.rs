@@ -193,7 +193,10 @@ impl CrossValidation {
         let mut outcomes = Vec::new();
         for task in tasks {
             let forest = &task.forest;
-            let constant = mean_pose(forest.images.iter().map(|&image| set.pose(image)));
+            let constant = mean_pose(
+                forest.images.iter().map(|&image| set.pose(image)),
+                set.circular(),
+            );
             for estimated in EstimatesTask::read(&done(&**task)?)? {
                 let record = &set.record().images[estimated.image];
                 outcomes.push(Outcome {

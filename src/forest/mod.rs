@@ -45,6 +45,8 @@ pub enum ForestError {
     NotFinite { target: usize, column: usize },
     #[error("the confidence's bandwidth sigma is {0}; it must be a positive number")]
     Sigma(f64),
+    #[error("the places of a pose's circular values must ascend and be less than {0}")]
+    Circular(usize),
     #[error(transparent)]
     Map(#[from] MapError),
 }

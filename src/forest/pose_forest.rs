@@ -4,6 +4,7 @@ use super::ForestError;
 use super::leaves::{LeafTable, check_leaves};
 use super::model_file::{self, Fault, ModelError};
 use super::tree::{self, Tree};
+use crate::circular::Circular;
 use crate::feature::{DepthFeatures, FeaturesOnImage};
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
@@ -25,6 +26,8 @@ pub struct PoseForest {
 struct Header {
     kind: Kind,
     names: Vec<String>,
+    #[serde(default, skip_serializing_if = "Circular::is_empty")]
+    circular: Circular,
     sigma: f64,
     features: DepthFeatures,
 }
@@ -39,12 +42,14 @@ enum Kind {
 const RUN: usize = 1 << 14;
 
 impl PoseForest {
-    /// Joins the features that trees were grown on, the names of a pose's values, the trees, the
-    /// tables of their leaves (see [`grow_means`](super::leaves::grow_means)) and the bandwidth of
-    /// eq. 2.
+    /// Joins the features that trees were grown on, the names of a pose's values and which of them are
+    /// circular, the trees, the tables of their leaves (see
+    /// [`grow_means`](super::leaves::grow_means)), which hold the columns that `circular` makes of
+    /// poses, and the bandwidth of eq. 2.
     pub fn new(
         features: DepthFeatures,
         names: Vec<String>,
+        circular: Circular,
         trees: Vec<Tree>,
         leaves: Vec<LeafTable>,
         sigma: f64,
@@ -52,6 +57,7 @@ impl PoseForest {
         let header = Header {
             kind: Kind::PoseForest,
             names,
+            circular,
             sigma,
             features,
         };
@@ -59,7 +65,11 @@ impl PoseForest {
     }
 
     fn join(header: Header, trees: Vec<Tree>, leaves: Vec<LeafTable>) -> Result<Self, ForestError> {
-        check_leaves(&trees, &leaves, header.names.len())?;
+        let values = header.names.len();
+        if !header.circular.fits(values) {
+            return Err(ForestError::Circular(values));
+        }
+        check_leaves(&trees, &leaves, header.circular.columns(values))?;
         let sigma = header.sigma;
         let mut forest = Self {
             header,
@@ -115,6 +125,11 @@ impl PoseForest {
     /// What the values of a pose are called.
     pub fn names(&self) -> &[String] {
         &self.header.names
+    }
+
+    /// Which values of a pose are circular. The leaves hold the columns that it makes of poses.
+    pub fn circular(&self) -> &Circular {
+        &self.header.circular
     }
 
     pub fn trees(&self) -> &[Tree] {
@@ -199,5 +214,16 @@ impl PixelLeaves<'_> {
             }
         }
         pose.iter_mut().for_each(|sum| *sum /= weight);
+        // Of a circular value this is the cosine; the sines stand after the values.
+        let values = self.forest.header.names.len();
+        for (column, &place) in (values..).zip(self.forest.header.circular.places()) {
+            let sine = |(tree, leaves): (usize, &LeafTable)| {
+                let leaf = self.of_tree(tree)[pixel] as usize;
+                let confidence = f64::from(self.forest.confidences[tree][leaf]);
+                confidence * f64::from(leaves.row(leaf)[column])
+            };
+            let sum: f64 = self.forest.leaves.iter().enumerate().map(sine).sum();
+            pose[place] = (sum / weight).atan2(pose[place]);
+        }
     }
 }

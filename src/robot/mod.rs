@@ -8,6 +8,7 @@ pub use mesh::Mesh;
 pub use urdf::{RobotError, UrdfProblem};
 
 use nalgebra::{Isometry3, Translation3, Unit, UnitQuaternion, Vector3};
+use std::f64::consts::TAU;
 
 #[derive(Debug, Clone)]
 pub struct Link {
@@ -53,7 +54,23 @@ pub struct Joint {
     pub dof: Option<usize>,
 }
 
+/// A joint that leaves less than a fiftieth of a turn out of its reach has wrapped angles: the values
+/// at its limits are neighbours.
+const NEARLY_A_TURN: f64 = 0.98 * TAU;
+
 impl Joint {
+    /// Whether its value is an angle on a circle, so that values near to both limits look alike: a
+    /// continuous joint, or one whose limits are (nearly) a full turn apart or more.
+    pub fn is_circular(&self) -> bool {
+        matches!(self.motion, Motion::Revolute(_)) && self.limits.1 - self.limits.0 >= NEARLY_A_TURN
+    }
+
+    /// Whether it can take every direction there is: then a value may differ from those within the
+    /// limits by full turns.
+    pub fn reaches_all_angles(&self) -> bool {
+        matches!(self.motion, Motion::Revolute(_)) && self.limits.1 - self.limits.0 >= TAU
+    }
+
     /// `parent_from_child` at the given joint value (rad or m; without meaning for a fixed joint).
     pub fn parent_from_child(&self, value: f64) -> Isometry3<f64> {
         match self.motion {
@@ -123,6 +140,14 @@ impl Robot {
                 q[dof] = mimic.multiplier * q[mimic.leader] + mimic.offset;
             }
         }
+    }
+
+    /// The configuration with every joint at 0, or at the limit next to it.
+    pub fn rest(&self) -> Vec<f64> {
+        let value = |joint: &Joint| 0f64.clamp(joint.limits.0, joint.limits.1);
+        let mut configuration: Vec<f64> = self.dof_joints().map(value).collect();
+        self.apply_mimics(&mut configuration);
+        configuration
     }
 
     /// `link` and all links below it, parents before children.

@@ -9,6 +9,10 @@ use urdf_rs::{Geometry, JointType};
 
 /// A mesh larger than this (m) is taken for one in millimetres.
 const MAX_EXTENT: f64 = 20.0;
+/// Numbers beyond this are mistakes, and would only overflow later.
+const MAX_NUMBER: f64 = 1e6;
+/// Files larger than this (bytes) are no robot descriptions; meshes may be as large.
+const MAX_FILE: u64 = 1 << 28;
 
 /// A URDF file that cannot be used, and why.
 #[derive(Debug, thiserror::Error)]
@@ -56,8 +60,12 @@ pub enum UrdfProblem {
     UnknownLeader { joint: String, leader: String },
     #[error("joint \"{joint}\" mimics itself by way of other joints")]
     MimicLoop { joint: String },
-    #[error("{what} has a number that is not finite, or a direction of length zero")]
+    #[error(
+        "{what} has a number that is not finite or beyond a million, or a direction of length zero"
+    )]
     Number { what: String },
+    #[error("{what} has a size that is not positive")]
+    Size { what: String },
     #[error("link \"{link}\": cannot use mesh \"{mesh}\": {why}")]
     Mesh {
         link: String,
@@ -85,7 +93,9 @@ impl Robot {
 }
 
 fn read(path: &Path) -> Result<Robot, UrdfProblem> {
-    let text = std::fs::read_to_string(path).map_err(UrdfProblem::Read)?;
+    let text = within_bounds(path)
+        .and_then(|()| std::fs::read_to_string(path))
+        .map_err(UrdfProblem::Read)?;
     let urdf = urdf_rs::read_from_string(&text).map_err(|e| UrdfProblem::Xml(one_line(&e)))?;
     let link_index = index_by_name("link", urdf.links.iter().map(|l| l.name.as_str()))?;
     index_by_name("joint", urdf.joints.iter().map(|j| j.name.as_str()))?;
@@ -108,6 +118,16 @@ fn read(path: &Path) -> Result<Robot, UrdfProblem> {
         links,
         joints,
     })
+}
+
+/// Fails on a file that is too large to be read at once.
+fn within_bounds(path: &Path) -> std::io::Result<()> {
+    match std::fs::metadata(path)?.len() {
+        0..=MAX_FILE => Ok(()),
+        bytes => Err(std::io::Error::other(format!(
+            "it has {bytes} bytes, more than {MAX_FILE}"
+        ))),
+    }
 }
 
 fn one_line(message: &impl ToString) -> String {
@@ -188,9 +208,9 @@ fn limits(joint: &urdf_rs::Joint) -> Result<(f64, f64), UrdfProblem> {
         JointType::Fixed => Ok((0.0, 0.0)),
         JointType::Continuous => Ok((-PI, PI)),
         // A missing <limit> is read as zeros.
-        _ if lower.is_finite()
-            && upper.is_finite()
-            && lower <= upper
+        _ if lower <= upper
+            && (0.0..=MAX_NUMBER).contains(&lower.abs())
+            && (0.0..=MAX_NUMBER).contains(&upper.abs())
             && lower.abs() + upper.abs() > 0.0 =>
         {
             Ok((lower, upper))
@@ -288,18 +308,19 @@ fn read_body(link: &urdf_rs::Link, folder: &Path) -> Result<Mesh, UrdfProblem> {
     let mut merged = Mesh::default();
     for (geometry, origin) in visuals.chain(collisions) {
         let mesh = match geometry {
-            Geometry::Box { size } => solids::cuboid(finite(**size, what)?),
+            Geometry::Box { size } => solids::cuboid(positive(**size, what)?),
             &Geometry::Cylinder { radius, length } => {
-                let [radius, length] = finite([radius, length], what)?;
+                let [radius, length] = positive([radius, length], what)?;
                 solids::cylinder(radius, length)
             }
             &Geometry::Capsule { radius, length } => {
-                let [radius, length] = finite([radius, length], what)?;
+                let [radius, length] = positive([radius, length], what)?;
                 solids::capsule(radius, length)
             }
-            &Geometry::Sphere { radius } => solids::sphere(finite([radius], what)?[0]),
+            &Geometry::Sphere { radius } => solids::sphere(positive([radius], what)?[0]),
             Geometry::Mesh { filename, scale } => {
                 let scale = finite(scale.map_or([1.0; 3], |s| *s), what)?;
+                positive(scale.map(f64::abs), what)?;
                 let mesh = read_mesh(filename, folder).map_err(|why| UrdfProblem::Mesh {
                     link: link.name.clone(),
                     mesh: filename.clone(),
@@ -337,8 +358,8 @@ fn scaled(mut mesh: Mesh, scale: [f64; 3]) -> Mesh {
 /// Reads a mesh file as one welded mesh; the error says why not.
 fn read_mesh(uri: &str, folder: &Path) -> Result<Mesh, String> {
     let path = find_file(uri, folder)?;
-    let file = mesh_loader::Loader::default()
-        .load(&path)
+    let file = within_bounds(&path)
+        .and_then(|()| mesh_loader::Loader::default().load(&path))
         .map_err(|e| one_line(&e))?;
     let mut mesh = Mesh::default();
     for part in file.meshes {
@@ -380,14 +401,27 @@ fn find_file(uri: &str, folder: &Path) -> Result<PathBuf, String> {
     found.ok_or_else(|| format!("there is no such file, seen from {}", folder.display()))
 }
 
+/// The numbers, if all are finite and none beyond [`MAX_NUMBER`].
 fn finite<const N: usize>(
     numbers: [f64; N],
     what: impl Fn() -> String,
 ) -> Result<[f64; N], UrdfProblem> {
-    if numbers.iter().all(|x| x.is_finite()) {
+    if numbers.iter().all(|x| x.abs() <= MAX_NUMBER) {
         Ok(numbers)
     } else {
         Err(UrdfProblem::Number { what: what() })
+    }
+}
+
+/// The numbers, if they can be sizes of a shape.
+fn positive<const N: usize>(
+    numbers: [f64; N],
+    what: impl Fn() -> String + Copy,
+) -> Result<[f64; N], UrdfProblem> {
+    let numbers = finite(numbers, what)?;
+    match numbers.iter().all(|&x| x > 0.0) {
+        true => Ok(numbers),
+        false => Err(UrdfProblem::Size { what: what() }),
     }
 }
 

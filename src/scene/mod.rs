@@ -2,6 +2,7 @@
 
 mod collision;
 mod furniture;
+pub mod inspect;
 mod jitter;
 mod oriented_box;
 mod pose;

@@ -13,7 +13,8 @@ use std::collections::BTreeMap;
 pub struct PoseSpec {
     /// Joints that keep one value (rad or m).
     pub fixed: BTreeMap<String, f64>,
-    /// Joints drawn uniformly from a range of their own, within their limits (rad or m).
+    /// Joints drawn uniformly from a range of their own (rad or m), within their limits unless they
+    /// turn all round.
     pub ranges: BTreeMap<String, [f64; 2]>,
     /// No part of an arm comes nearer to the camera than this (m), since a head that carries the
     /// camera is not drawn and would collide.
@@ -71,7 +72,9 @@ impl PoseSampler {
                 return Err(fail("it has both a fixed value and a range".to_owned()));
             }
             let (lowest, highest) = joint.limits;
-            if !(lowest <= low && low <= high && high <= highest) {
+            let within = lowest <= low && high <= highest;
+            let sound = low <= high && low.is_finite() && high.is_finite();
+            if !(sound && (within || joint.reaches_all_angles())) {
                 return Err(fail(format!(
                     "{low} to {high} is not a range within its limits, {lowest} to {highest}"
                 )));

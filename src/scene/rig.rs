@@ -111,6 +111,11 @@ impl Rig {
                     })
             });
             let joints = joints.collect::<Result<Vec<_>, _>>()?;
+            if let Some(twice) = (1..joints.len()).find(|&i| joints[..i].contains(&joints[i])) {
+                let mut all = arm.joints.iter().chain(&arm.hand);
+                let name = all.nth(twice).map_or("", String::as_str);
+                return Err(format!("arm \"{}\" lists joint \"{name}\" twice", arm.name));
+            }
             if joints.is_empty() {
                 return Err(format!("arm \"{}\" lists no joints", arm.name));
             }

@@ -17,7 +17,7 @@ use crate::random::stream;
 pub struct Samples {
     pub features: DepthFeatures,
     pub binned: BinnedMatrix,
-    /// One row for each training image.
+    /// One row for each training image: the [columns](crate::circular::Circular::encode) of its pose.
     pub poses: TargetTable,
     /// The row of each sample.
     pub targets: Vec<u16>,
@@ -38,9 +38,11 @@ impl Samples {
         let mut random = stream(set.record().seed, "features", &[]);
         let features = DepthFeatures::draw(&training.features, extra, &mut random)
             .map_err(TrainingError::from)?;
-        let poses: Vec<f64> = images.iter().flat_map(|&i| set.pose(i)).copied().collect();
-        let poses =
-            TargetTable::new(set.target_joints().len(), poses).map_err(TrainingError::from)?;
+        let circular = set.circular();
+        let columns = |&image: &usize| circular.encode(set.pose(image));
+        let poses: Vec<f64> = images.iter().flat_map(columns).collect();
+        let width = circular.columns(set.target_joints().len());
+        let poses = TargetTable::new(width, poses).map_err(TrainingError::from)?;
         let draw = |row: usize| {
             let image = images[row];
             let seen = see(image)?;

@@ -1,5 +1,6 @@
 //! What the Euclidean distance on joint angles does not see (section II-B, Fig. 2).
 
+use crate::circular::Circular;
 use crate::dataset::DataSet;
 use crate::distances::DistanceMatrix;
 use crate::estimator::error::mean_pose;
@@ -166,7 +167,7 @@ impl Study for MetricExample {
             summary,
             figures: vec![(
                 self.specification.id.clone(),
-                self.figure(&arm, &poses, &observed)?,
+                self.figure(&arm, &poses, set.circular(), &observed)?,
             )],
             claims: claims.map(|claim| self.judge(claim, &observed)).collect(),
         })
@@ -209,14 +210,20 @@ impl MetricExample {
         claim.result(ours, higher.len(), Verdict::of(&gap, 0.0, f64::INFINITY))
     }
 
-    fn figure(&self, arm: &MovedArm, poses: &[&[f64]], observed: &[Observed]) -> Result<Figure> {
+    fn figure(
+        &self,
+        arm: &MovedArm,
+        poses: &[&[f64]],
+        circular: &Circular,
+        observed: &[Observed],
+    ) -> Result<Figure> {
         let Parameters {
             set,
             turn_deg,
             joints,
             ..
         } = &self.specification.parameters;
-        let mean_pose = mean_pose(poses.iter().copied());
+        let mean_pose = mean_pose(poses.iter().copied(), circular);
         let mut drawings = Vec::new();
         for name in joints {
             let Some(joint) = arm.place(name) else {

@@ -235,7 +235,10 @@ impl PartEstimatesTask {
         let images = self.forest.samples.images.iter();
         Ok(Aligner {
             virtual_arm: VirtualArm::new(&rig.robot, &rig.arms[arm].joints, &links),
-            reference: mean_pose(images.map(|&image| training.pose(image))),
+            reference: mean_pose(
+                images.map(|&image| training.pose(image)),
+                training.circular(),
+            ),
             root_from_camera: training.camera_from_root().inverse(),
         })
     }

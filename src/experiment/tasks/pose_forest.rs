@@ -147,7 +147,8 @@ impl Task for PoseForestTask {
         let (trees, leaves) = self.grow(&samples, &*objective, progress)?;
         let names = set.target_joints().to_vec();
         // Whoever asks the forest chooses sigma; 1 is the paper's.
-        let forest = PoseForest::new(samples.features, names, trees, leaves, 1.0)?;
+        let circular = set.circular().clone();
+        let forest = PoseForest::new(samples.features, names, circular, trees, leaves, 1.0)?;
         forest.save(&out.join(FOREST_FILE))?;
         Ok(())
     }
