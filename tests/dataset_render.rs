@@ -67,6 +67,50 @@ fn four_lines_are_enough_for_a_set() {
     assert!(message.contains("never finished"), "{message}");
 }
 
+/// The lines of the help text that are indented below the line that starts with `title`.
+fn example(help: &str, title: &str) -> String {
+    let lines = help.lines().skip_while(|line| !line.starts_with(title));
+    let below = lines
+        .skip(1)
+        .take_while(|l| l.is_empty() || l.starts_with(' '));
+    below.collect::<Vec<_>>().join("\n")
+}
+
+#[test]
+fn the_examples_of_the_help_are_sound_and_its_defaults_are_the_defaults() {
+    let help = Command::new(env!("CARGO_BIN_EXE_armpose"))
+        .args(["dataset", "render", "--help"])
+        .output()
+        .unwrap();
+    let help = String::from_utf8(help.stdout).unwrap();
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("my_set.toml");
+    let read = |text: &str| {
+        fs::write(&path, text).unwrap();
+        SetSpec::read(&path).unwrap()
+    };
+    let text = example(&help, "my_set.toml");
+    let mut shown = read(&text);
+    let four: Vec<&str> = text.lines().filter(|l| !l.is_empty()).take(4).collect();
+    let shortest = read(&four.join("\n"));
+    assert!(shown.camera_jitter.take().is_some());
+    assert_eq!(shown, shortest);
+
+    fs::write(&path, example(&help, "my_camera.toml")).unwrap();
+    Camera::read(&path).unwrap();
+    let robot = example(&help, "my_robot.toml");
+    let urdf = fixture("gripper_arm").with_file_name("arm.urdf");
+    let robot = robot.replace("my.urdf", urdf.to_str().unwrap());
+    fs::write(&path, robot.replace("\"base\"", "\"link0\"")).unwrap();
+    let rig = Rig::read(&path).unwrap();
+    let rest = rig.robot.forward_kinematics(&rig.robot.rest());
+    let root_from_camera = rig.camera_from_root(&rest).inverse();
+    let expected = nalgebra::Vector3::new(-1.5, 0.0, 0.4);
+    assert!((root_from_camera.translation.vector - expected).norm() < 1e-12);
+    let ahead = root_from_camera * nalgebra::Vector3::z();
+    assert!((ahead - nalgebra::Vector3::x()).norm() < 1e-12);
+}
+
 #[test]
 fn what_fails_leaves_the_folder_free_for_the_next_attempt() {
     let folder = tempfile::tempdir().unwrap();

@@ -39,7 +39,7 @@ enum Command {
 ///     [camera_jitter]
 ///     translation_m = 0.02         # the camera is up to so far from its place
 ///     rotation_deg  = 1.0          # and turned by up to so much, anew in each image
-///     [poses]                      # joints are drawn uniformly between their limits,
+///     [poses]                      # joints are drawn uniformly between their limits, without collision,
 ///     fixed  = {}                  # but for those of a fixed value: { joint1 = 0.5 }
 ///     ranges = {}                  # or of a range of their own:     { joint2 = [-1.0, 1.0] }
 ///     camera_clearance = 0.3       # no part of an arm comes nearer to the camera
@@ -48,7 +48,8 @@ enum Command {
 ///     target_pixels = 300          # and so many of the target,
 ///     exempt_every  = 0            # unless the image's number is a multiple of this (0: never)
 ///     [room]
-///     floor  = 0.0                 # z in the robot's root frame: -0.7 for a robot on a table
+///     floor  = 0.0                 # z in the robot's root frame; no arm reaches through it, so that
+///                                  # this may be a table's top as well
 ///     ahead  = [1.8, 3.5]          # from the camera to the walls, at least and at most
 ///     aside  = [1.0, 2.6]
 ///     behind = [1.0, 2.0]
