@@ -4,7 +4,7 @@
 //!
 //! The modules follow the way data flows: [`robot`] description -> posed [`scene`] -> depth image
 //! of a simulated [`camera`] -> [`dataset`] on disk -> [`feature`] samples -> [`forest`], by
-//! [`training`] -> [`estimator`] -> [`experiment`].
+//! [`training`] -> [`estimator`] -> [`experiment`]. A [`model`] is what robots use of it.
 //!
 //! Conventions everywhere: metres, radians and seconds in memory; depth images hold millimetres as
 //! `u16` with 0 = invalid; camera frames are optical frames (x right, y down, z forward);
@@ -19,6 +19,7 @@ pub mod experiment;
 pub mod feature;
 pub mod forest;
 pub mod mean_shift;
+pub mod model;
 pub mod pose_space;
 pub mod random;
 pub mod robot;

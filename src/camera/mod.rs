@@ -4,15 +4,19 @@
 //! The sensor follows BlenSor (Gschwandtner et al. 2011) and render_kinect (Bohg 2014), the
 //! simulator that the paper's images most likely come from (section IV-A).
 
+pub mod depth_file;
 mod dots;
 mod filter;
 mod noise;
+mod npy;
 mod photographer;
 pub mod png;
 mod rasteriser;
+mod resample;
 
 pub use noise::{Gaussian, Noise, Perlin};
 pub use photographer::{Drawing, Photo, Photographer};
+pub use resample::Resampling;
 
 use crate::robot::Mesh;
 use crate::strict_toml::{self, TomlError};

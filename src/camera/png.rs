@@ -85,12 +85,25 @@ pub fn write_labels(path: &Path, image: &LabelImage) -> Result<(), PngError> {
 /// such whose median valid depth says that the unit is not mm, are errors. An image without any
 /// valid pixel is none.
 pub fn read_depth(path: &Path, camera: &Intrinsics) -> Result<DepthImage, PngError> {
-    let bytes = read(path, camera, BitDepth::Sixteen, "16-bit grey depth in mm")?;
-    let pixels: Vec<u16> = bytes
-        .chunks_exact(2)
-        .map(|b| u16::from_be_bytes([b[0], b[1]]))
-        .collect();
-    if let Some(median_mm) = median_valid(&pixels)
+    let depth = read_grey16(path, camera)?;
+    check_unit(path, &depth.pixels)?;
+    Ok(depth)
+}
+
+/// Reads a 16-bit grey image of the camera's size, whatever its unit.
+pub(super) fn read_grey16(path: &Path, camera: &Intrinsics) -> Result<DepthImage, PngError> {
+    let bytes = read(path, camera, BitDepth::Sixteen, "16-bit grey depth")?;
+    let (values, _) = bytes.as_chunks();
+    Ok(Image {
+        width: camera.width,
+        height: camera.height,
+        pixels: values.iter().map(|&b| u16::from_be_bytes(b)).collect(),
+    })
+}
+
+/// Fails when the median valid depth says that the unit is not mm.
+pub(super) fn check_unit(path: &Path, pixels: &[u16]) -> Result<(), PngError> {
+    if let Some(median_mm) = median_valid(pixels)
         && !PLAUSIBLE_MEDIAN.contains(&median_mm)
     {
         let guess = match median_mm {
@@ -104,11 +117,7 @@ pub fn read_depth(path: &Path, camera: &Intrinsics) -> Result<DepthImage, PngErr
             guess,
         });
     }
-    Ok(Image {
-        width: camera.width,
-        height: camera.height,
-        pixels,
-    })
+    Ok(())
 }
 
 /// Reads an 8-bit grey label image of the camera's size.

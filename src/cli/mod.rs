@@ -4,9 +4,13 @@
 mod bounds;
 mod check;
 mod dataset;
+mod estimate;
+mod evaluate;
 mod experiment;
+mod overlay;
 mod report;
 mod robot;
+mod train;
 
 use anyhow::{Context, Result};
 use armpose::experiment::cache::Cache;
@@ -34,6 +38,9 @@ enum Command {
     Report(report::Arguments),
     Dataset(dataset::Arguments),
     Robot(robot::Arguments),
+    Train(train::Arguments),
+    Estimate(estimate::Arguments),
+    Evaluate(evaluate::Arguments),
 }
 
 pub fn main() -> ExitCode {
@@ -44,6 +51,9 @@ pub fn main() -> ExitCode {
         Command::Report(arguments) => report::run(&arguments),
         Command::Dataset(arguments) => dataset::run(&arguments),
         Command::Robot(arguments) => robot::run(&arguments),
+        Command::Train(arguments) => train::run(&arguments),
+        Command::Estimate(arguments) => estimate::run(&arguments),
+        Command::Evaluate(arguments) => evaluate::run(&arguments),
     };
     result.unwrap_or_else(|error| {
         eprintln!("armpose: {error:#}");

@@ -343,7 +343,7 @@ fn label_file(image: usize) -> String {
 }
 
 /// The rigid motion with these rows, `None` if it is none.
-fn isometry(rows: &[[f64; 4]; 4]) -> Option<Isometry3<f64>> {
+pub(crate) fn isometry(rows: &[[f64; 4]; 4]) -> Option<Isometry3<f64>> {
     let matrix = Matrix4::from_fn(|row, column| rows[row][column]);
     nalgebra::try_convert(matrix)
 }

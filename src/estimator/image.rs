@@ -123,6 +123,14 @@ pub fn combine(
     })
 }
 
+/// The step of [`ImageEstimate::thresholds`] for a relative threshold; `None` when it is not a multiple of
+/// 1 / [`STEPS`] from 0 to 1.
+pub fn step_of(t_r: f64) -> Option<usize> {
+    let step = (t_r * STEPS as f64).round();
+    let is_step = (0.0..=STEPS as f64).contains(&step) && (step / STEPS as f64 - t_r).abs() <= 1e-9;
+    is_step.then_some(step as usize)
+}
+
 /// The largest j with `c >= min + (max - min) j / STEPS`. The most confident pixel reaches `STEPS`,
 /// so no threshold is without pixels.
 pub fn highest_step(c: f32, min: f32, max: f32) -> usize {

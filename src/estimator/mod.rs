@@ -4,5 +4,6 @@
 pub mod error;
 pub mod image;
 pub mod inverse_kinematics;
+pub mod look;
 pub mod part_baseline;
 pub mod segmentation;

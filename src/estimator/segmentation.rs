@@ -1,6 +1,6 @@
 //! Which arm each pixel shows, and an image of nothing but one arm (section III-D).
 
-use crate::camera::{DepthImage, Image, LabelImage};
+use crate::camera::{DepthImage, Image, Intrinsics, LabelImage};
 use crate::feature::PaddedDepth;
 use crate::forest::segmentation_forest::SegmentationForest;
 use serde::{Deserialize, Serialize};
@@ -11,6 +11,11 @@ pub const SURE_SHARE: u8 = 217;
 /// An image shows the arm when at least so many of its pixels surely do: fewer are what the forest takes
 /// for the arm where there is none. See DEVIATIONS.md.
 pub const LEAST_ARM_PIXELS: usize = 600;
+
+/// [`LEAST_ARM_PIXELS`] is of images of 640 x 480 pixels; this is in proportion to the area, at least 1.
+pub fn least_arm_pixels(camera: &Intrinsics) -> usize {
+    (LEAST_ARM_PIXELS * camera.width * camera.height / (640 * 480)).max(1)
+}
 
 /// What the segmentation forest says of an image.
 #[derive(Debug, Clone, PartialEq, Eq)]

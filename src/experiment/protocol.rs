@@ -12,14 +12,14 @@ use super::tasks::pose_forest::PoseForestTask;
 use super::tasks::sight::Sight;
 use crate::dataset::{DataSet, folds};
 use crate::estimator::error::{angle_error, mean_pose, tip_error};
-use crate::estimator::image::{ImageEstimate, STEPS};
+use crate::estimator::image::{self, ImageEstimate, STEPS};
 use crate::estimator::part_baseline::BaselineSpec;
 use crate::forest::objective::{OBJECTIVES, ObjectiveKind};
 use crate::pose_space::disp::Disp;
 use crate::robot::Robot;
 use crate::scene::{Arm, Rig};
 use crate::training::Training;
-use anyhow::{Result, bail};
+use anyhow::{Context, Result, bail};
 use serde::{Deserialize, Serialize};
 use std::path::Path;
 use std::sync::Arc;
@@ -233,14 +233,10 @@ pub const FLOOR_COLOUR: usize = 7;
 
 /// The step of [`ImageEstimate::thresholds`] for a relative threshold.
 pub fn step_of(t_r: f64) -> Result<usize> {
-    let step = (t_r * STEPS as f64).round();
-    if !(0.0..=STEPS as f64).contains(&step) || (step / STEPS as f64 - t_r).abs() > 1e-9 {
-        bail!(
-            "t_r = {t_r}: choose a multiple of {} from 0 to 1",
-            1.0 / STEPS as f64
-        );
-    }
-    Ok(step as usize)
+    image::step_of(t_r).with_context(|| {
+        let multiple = 1.0 / STEPS as f64;
+        format!("t_r = {t_r}: choose a multiple of {multiple} from 0 to 1")
+    })
 }
 
 /// Measures how far a pose is from the truth, for one arm of one robot.

@@ -43,6 +43,8 @@ pub enum ForestError {
     Zero(&'static str),
     #[error("value {column} of target {target} is not a finite number")]
     NotFinite { target: usize, column: usize },
+    #[error("forests of different features or classes cannot be joined")]
+    Different,
     #[error("the confidence's bandwidth sigma is {0}; it must be a positive number")]
     Sigma(f64),
     #[error("the places of a pose's circular values must ascend and be less than {0}")]

@@ -46,10 +46,23 @@ impl SegmentationForest {
             classes,
             features,
         };
-        Self::join(header, trees, leaves)
+        Self::assemble(header, trees, leaves)
     }
 
-    fn join(header: Header, trees: Vec<Tree>, leaves: Vec<LeafTable>) -> Result<Self, ForestError> {
+    /// Adds the trees of another forest. Fails when they were grown on other features or classes.
+    pub fn join(self, other: Self) -> Result<Self, ForestError> {
+        if self.header != other.header {
+            return Err(ForestError::Different);
+        }
+        let trees = [self.trees, other.trees].concat();
+        Self::assemble(self.header, trees, [self.leaves, other.leaves].concat())
+    }
+
+    fn assemble(
+        header: Header,
+        trees: Vec<Tree>,
+        leaves: Vec<LeafTable>,
+    ) -> Result<Self, ForestError> {
         if header.classes.is_empty() {
             return Err(ForestError::Zero("the number of classes"));
         }
@@ -70,7 +83,7 @@ impl SegmentationForest {
     pub fn load(path: &Path) -> Result<Self, ModelError> {
         let (header, trees, leaves) =
             model_file::read(path, |header: &Header| header.features.count())?;
-        Self::join(header, trees, leaves).map_err(|fault| ModelError::Unusable {
+        Self::assemble(header, trees, leaves).map_err(|fault| ModelError::Unusable {
             path: path.to_owned(),
             fault: Fault::Inconsistent(fault),
         })

@@ -14,6 +14,7 @@ use crate::feature::{DepthFeatures, FeatureError, FeatureSpec, PaddedDepth, Samp
 use crate::forest::ForestError;
 use crate::forest::bins::{BinCounter, BinnedMatrix};
 use crate::forest::grow::GrowSpec;
+use crate::pose_space::disp::DispError;
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 use std::collections::VecDeque;
@@ -52,6 +53,10 @@ pub enum TrainingError {
     Feature(#[from] FeatureError),
     #[error(transparent)]
     Forest(#[from] ForestError),
+    #[error(transparent)]
+    Disp(#[from] DispError),
+    #[error("{0}")]
+    Unsuitable(String),
 }
 
 /// The pixels drawn from one image.

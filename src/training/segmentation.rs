@@ -9,18 +9,18 @@ use crate::forest::grow::TargetTable;
 use crate::forest::leaves::grow_means;
 use crate::forest::objective::mse::mse;
 use crate::forest::segmentation_forest::SegmentationForest;
-use crate::random::{seed, stream};
+use crate::random::stream;
 
 /// A forest that tells the arms and the background apart, trained on some images of a set. Features and
-/// pixels are chosen by the set's seed. `progress` hears of [`Training::steps`].
+/// pixels are chosen by the set's seed, trees grown with `seed`. `progress` hears of [`Training::steps`].
 pub fn train(
     set: &DataSet,
     images: &[usize],
     training: &Training,
+    seed: u64,
     progress: Progress,
 ) -> Result<SegmentationForest, TrainingError> {
-    let set_seed = set.record().seed;
-    let mut random = stream(set_seed, "segmentation features", &[]);
+    let mut random = stream(set.record().seed, "segmentation features", &[]);
     let features = DepthFeatures::draw(&training.features, Extra::Pixel, &mut random)?;
     let arm_of_label = set.arm_of_label();
     let draw = |row: usize| {
@@ -55,7 +55,7 @@ pub fn train(
         &table,
         &*mse(&table)?,
         &training.forest,
-        seed(set_seed, "segmentation forest", &[]),
+        seed,
         &|trees| progress(steps * trees),
     )?;
     Ok(SegmentationForest::new(features, names, trees, leaves)?)

@@ -3,7 +3,8 @@
 use super::pose_forest::{FOREST_FILE, PoseForestTask};
 use crate::Progress;
 use crate::dataset::DataSet;
-use crate::estimator::image::{ImageEstimate, combine};
+use crate::estimator::image::ImageEstimate;
+use crate::estimator::look::Look;
 use crate::estimator::segmentation::LEAST_ARM_PIXELS;
 use crate::experiment::task::{Cost, Stage, Task};
 use crate::forest::pose_forest::PoseForest;
@@ -122,26 +123,13 @@ impl Task for EstimatesTask {
         let estimate = |&image: &usize| {
             let seen = sight.look(&set, segmented, image)?;
             let depth = seen.padded(forest.features());
-            let frame = &seen.frame;
-            let (mut positions, mut foreground) = (Vec::new(), Vec::new());
-            for (at, (&mm, &label)) in frame
-                .depth
-                .pixels
-                .iter()
-                .zip(&frame.labels.pixels)
-                .enumerate()
-            {
-                let (x, y) = (at % frame.depth.width, at / frame.depth.width);
-                if mm > 0 && x % self.stride == 0 && y % self.stride == 0 {
-                    positions.push(depth.position(x, y));
-                    foreground.push(arm_of_label[usize::from(label)].is_some());
-                }
-            }
-            let leaves = forest.find_leaves(&forest.features().on(&depth), &positions);
+            let look = Look::new(&forest, &seen.frame.depth, &depth, self.stride);
+            let labels = &seen.frame.labels.pixels;
+            let shows_arm = |at: usize| arm_of_label[usize::from(labels[at])].is_some();
             let sure_pixels = seen.sure_pixels;
             let estimate = match sure_pixels {
                 Some(pixels) if pixels < LEAST_ARM_PIXELS => None,
-                _ => combine(&forest, &leaves, &foreground),
+                _ => look.estimate(shows_arm),
             };
             progress(1);
             Ok(Estimated {

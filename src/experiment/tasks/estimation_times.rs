@@ -8,7 +8,7 @@ use super::segmentation::SegmentationTask;
 use crate::Progress;
 use crate::camera::DepthImage;
 use crate::dataset::DataSet;
-use crate::estimator::image::combine;
+use crate::estimator::look::Look;
 use crate::estimator::part_baseline::{classify, find_joints, pixel_points, voters};
 use crate::estimator::segmentation::{masked, segment};
 use crate::experiment::manifest::timing_conditions;
@@ -162,13 +162,7 @@ impl EstimationTimesTask {
             let estimate = |forest: &PoseForest, depth: &DepthImage| {
                 self.shortest(|| {
                     let padded = PaddedDepth::new(depth, forest.features().reach());
-                    let positions: Vec<u32> = (0..depth.pixels.len())
-                        .filter(|&at| depth.pixels[at] > 0)
-                        .map(|at| padded.position(at % depth.width, at / depth.width))
-                        .collect();
-                    let leaves = forest.find_leaves(&forest.features().on(&padded), &positions);
-                    let shows_arm = vec![true; positions.len()];
-                    black_box(combine(forest, &leaves, &shows_arm));
+                    black_box(Look::new(forest, depth, &padded, 1).estimate(|_| true));
                 })
             };
             let by_parts = parts.as_ref().map(|(task, forest, aligner)| {

@@ -5,6 +5,7 @@ use super::pose_forest::FOREST_FILE;
 use crate::Progress;
 use crate::dataset::DataSet;
 use crate::experiment::task::{Cost, Stage, Task};
+use crate::random::seed;
 use crate::training::{self, Training};
 use anyhow::Result;
 use std::path::{Path, PathBuf};
@@ -69,7 +70,9 @@ impl Task for SegmentationForestTask {
     fn run(&self, inputs: &[PathBuf], out: &Path, progress: Progress<'_>) -> Result<()> {
         let set = DataSet::open(&inputs[0])?;
         let images: Vec<usize> = (0..set.len()).collect();
-        let forest = training::segmentation::train(&set, &images, &self.training, progress)?;
+        let seed = seed(self.set.seed, "segmentation forest", &[]);
+        let training = &self.training;
+        let forest = training::segmentation::train(&set, &images, training, seed, progress)?;
         forest.save(&out.join(FOREST_FILE))?;
         Ok(())
     }

@@ -5,10 +5,11 @@ pub mod pipeline;
 
 use crate::camera::{DepthImage, Image, Photographer};
 use crate::dataset::{DataSet, Frame};
-use crate::estimator::image::{ImageEstimate, combine, highest_step};
+use crate::estimator::image::ImageEstimate;
+use crate::estimator::look::Look;
 use crate::experiment::figure::PicturePanel;
 use crate::forest::pose_forest::PoseForest;
-use crate::scene::{Rig, robot_bodies};
+use crate::scene::{Rig, draw_arm};
 use crate::training::seen::Seen;
 use anyhow::{Context, Result};
 
@@ -29,19 +30,13 @@ struct Looked {
 fn look(forest: &PoseForest, seen: &Seen, step: usize) -> Result<Looked> {
     let padded = seen.padded(forest.features());
     let depth = &seen.frame.depth;
-    let valid: Vec<usize> = (0..depth.pixels.len())
-        .filter(|&at| depth.pixels[at] > 0)
-        .collect();
-    let position = |&at: &usize| padded.position(at % depth.width, at / depth.width);
-    let positions: Vec<u32> = valid.iter().map(position).collect();
-    let leaves = forest.find_leaves(&forest.features().on(&padded), &positions);
-    let estimate = combine(forest, &leaves, &vec![false; valid.len()])
+    let look = Look::new(forest, depth, &padded, 1);
+    let estimate = look
+        .estimate(|_| false)
         .context("the image has no valid pixel")?;
-    let (min, max) = (estimate.min_confidence, estimate.max_confidence);
     let mut pixels = vec![None; depth.pixels.len()];
-    for (&at, confidence) in valid.iter().zip(leaves.confidences()) {
-        let is_chosen = highest_step(confidence, min, max) >= step;
-        pixels[at] = Some((confidence, is_chosen));
+    for (&at, looked) in look.pixels.iter().zip(look.chosen(&estimate, step)) {
+        pixels[at] = Some(looked);
     }
     Ok(Looked { pixels, estimate })
 }
@@ -101,42 +96,30 @@ fn overlay(
         0 => [0; 3],
         mm => [(60.0 + 180.0 * (1.0 - f64::from(mm) / far)) as u8; 3],
     };
-    let mut pixels: Vec<[u8; 3]> = frame.depth.pixels.iter().map(grey).collect();
-    let arm = &rig.arms[set.target()];
+    let mut picture = Image {
+        width: frame.depth.width,
+        height: frame.depth.height,
+        pixels: frame.depth.pixels.iter().map(grey).collect(),
+    };
     let mut photographer = Photographer::new(&set.record().camera);
-    for (pose, colour) in poses {
+    let arm = (rig, set.target());
+    for &(pose, colour) in poses {
         let mut configuration = set.configuration(image, &rig.robot)?;
-        for (&dof, &value) in arm.joints.iter().zip(*pose) {
+        for (&dof, &value) in rig.arms[arm.1].joints.iter().zip(pose) {
             configuration[dof] = value;
         }
-        let links = rig.robot.forward_kinematics(&configuration);
-        let mut bodies = robot_bodies(rig, &links, set.camera_from_root_of(image));
-        bodies.retain(|body| arm.links.iter().any(|&link| rig.label(link) == body.label));
-        let drawn = photographer.draw(&bodies).labels;
-        let (width, height) = (drawn.width, drawn.height);
-        let inside = |x: usize, y: usize| drawn.pixels[y * width + x] > 0;
-        for y in 0..height {
-            for x in 0..width {
-                if !inside(x, y) {
-                    continue;
-                }
-                let around = (y.saturating_sub(2)..height.min(y + 3))
-                    .flat_map(|v| (x.saturating_sub(2)..width.min(x + 3)).map(move |u| (u, v)));
-                let is_edge = around.into_iter().any(|(u, v)| !inside(u, v));
-                let share = if is_edge { 1.0 } else { 0.3 };
-                let pixel = &mut pixels[y * width + x];
-                *pixel = std::array::from_fn(|i| {
-                    (f64::from(pixel[i]) * (1.0 - share) + f64::from(colour[i]) * share) as u8
-                });
-            }
-        }
+        let camera_from_root = set.camera_from_root_of(image);
+        draw_arm(
+            &mut picture,
+            &mut photographer,
+            arm,
+            &configuration,
+            camera_from_root,
+            colour,
+        );
     }
     Ok(PicturePanel {
         title: title.to_owned(),
-        image: Image {
-            width: frame.depth.width,
-            height: frame.depth.height,
-            pixels,
-        },
+        image: picture,
     })
 }

@@ -1,0 +1,238 @@
+//! `armpose estimate`: joint angles from depth images.
+
+use super::overlay::{Overlays, rig_of};
+use super::{say, use_threads};
+use anyhow::{Context, Result, bail, ensure};
+use armpose::camera::depth_file::{EXTENSIONS, MILLIMETRE, read_depth_file};
+use armpose::camera::{DepthImage, Intrinsics, Resampling};
+use armpose::model::{Estimate, Model};
+use serde_json::json;
+use std::io::BufRead;
+use std::path::{Path, PathBuf};
+use std::process::ExitCode;
+use std::time::Instant;
+
+/// Estimate the joints of an arm in depth images, each by itself
+///
+/// Example: armpose estimate --model my_model frame.png --overlay pictures
+///
+/// An IMAGE is a 16-bit grey PNG in millimetres, or an NPY array (uint16 in millimetres, float32 or
+/// float64 in metres); 0 and NaN are invalid. A folder stands for all such files in it, and - for file
+/// names on stdin, one a line, each of which is answered before the next is read:
+///
+///     find . -name 'depth*.png' | armpose estimate --model my_model --json -
+///
+/// With --json each image is answered by one line of JSON:
+///
+///     image        the file's name
+///     arm_visible  whether the arm is seen; null for models without segmentation. The least number of
+///                  pixels for it is 600 of 640 x 480 and in proportion for others.
+///     joints       for each joint its value, its name ending with the unit, _rad or _m; null when the
+///                  arm is not visible
+///     spread       for each joint how far the pixels' estimates are apart, in the same unit: their
+///                  disagreement, and not a bound on the error
+///     confidence   the mean confidence of the pixels, 0 to 1: compares images of one model. What
+///                  spread and confidence are worth, `armpose evaluate` tells.
+///     pixels       how many of the most confident pixels were averaged
+///     arm_pixels   how many pixels surely show the arm
+///     latency_ms   from the image in memory to the joints
+///     error        in place of all others but image: why it could not be estimated
+///
+/// The exit code is 2 when an image could not be read; the others are estimated all the same.
+#[derive(clap::Args)]
+#[command(verbatim_doc_comment)]
+pub struct Arguments {
+    /// Depth images, folders of them, or - for names on stdin
+    #[arg(required = true, value_name = "IMAGE")]
+    images: Vec<PathBuf>,
+    /// The model, as `armpose train` wrote it
+    #[arg(long, value_name = "FOLDER")]
+    model: PathBuf,
+    /// The camera of the images, if it is not the model's: JSON with width, height, fx, fy, cx and cy in
+    /// pixels, such as the camera.json of a data set. It must see nearly all that the model's does.
+    #[arg(long, value_name = "FILE")]
+    camera: Option<PathBuf>,
+    /// Metres that one unit of an integer depth stands for
+    #[arg(long, value_name = "METRES", default_value_t = MILLIMETRE)]
+    depth_scale: f64,
+    /// Answer in JSON, one line an image
+    #[arg(long)]
+    json: bool,
+    /// Draw the estimated arm over each image, into this folder
+    #[arg(long, value_name = "FOLDER")]
+    overlay: Option<PathBuf>,
+    /// The robot.toml, if it is not where it was when the model was trained; only pictures need it
+    #[arg(long, value_name = "FILE")]
+    robot: Option<PathBuf>,
+    /// Threads to use; the estimates do not depend on it [default: one for each core]
+    #[arg(long, value_parser = clap::value_parser!(u16).range(1..=1024))]
+    threads: Option<u16>,
+}
+
+pub fn run(arguments: &Arguments) -> Result<ExitCode> {
+    use_threads(arguments.threads.map(usize::from))?;
+    let scale = arguments.depth_scale;
+    ensure!(
+        scale > 0.0 && scale.is_finite(),
+        "--depth-scale {scale}: choose a positive number of metres"
+    );
+    let model = Model::load(&arguments.model)?;
+    let camera = match &arguments.camera {
+        Some(path) => read_camera(path)?,
+        None => model.record().intrinsics,
+    };
+    let resampling = model.view_of(&camera)?;
+    let rig = match arguments.overlay {
+        Some(_) => Some(rig_of(model.record(), arguments.robot.as_deref())?),
+        None => None,
+    };
+    let mut overlays = match (&arguments.overlay, &rig) {
+        (Some(folder), Some(rig)) => Some(Overlays::new(folder, &model, rig)?),
+        _ => None,
+    };
+    let mut estimate = |path: &Path| {
+        let image = read_depth_file(path, &camera, scale)?;
+        let seen = look(&model, &resampling, &image);
+        if let Some(overlays) = &mut overlays {
+            let pose = seen.estimate.pose.as_ref();
+            overlays.draw_estimate(path, &seen.image, pose)?;
+        }
+        anyhow::Ok(seen)
+    };
+    let mut all_well = true;
+    let mut answer = |path: &Path| {
+        let result = estimate(path);
+        all_well &= result.is_ok();
+        match (result, arguments.json) {
+            (Ok(seen), true) => say(&format!("{}\n", to_json(&model, path, &seen))),
+            (Ok(seen), false) => say(&to_text(&model, path, &seen)),
+            (Err(error), true) => {
+                let error = format!("{error:#}");
+                let line = json!({ "image": path.to_string_lossy(), "error": error });
+                say(&format!("{line}\n"))
+            }
+            (Err(error), false) => {
+                eprintln!("armpose: {error:#}");
+                Ok(())
+            }
+        }
+    };
+    for path in &arguments.images {
+        if path == Path::new("-") {
+            for line in std::io::stdin().lock().lines() {
+                let line = line.context("cannot read file names from stdin")?;
+                if !line.is_empty() {
+                    answer(Path::new(&line))?;
+                }
+            }
+        } else if path.is_dir() {
+            for path in images_in(path)? {
+                answer(&path)?;
+            }
+        } else {
+            answer(path)?;
+        }
+    }
+    Ok(ExitCode::from(if all_well { 0 } else { 2 }))
+}
+
+/// An image in the model's view, and what the model says of it.
+struct Seen {
+    image: DepthImage,
+    estimate: Estimate,
+    latency_ms: f64,
+}
+
+fn look(model: &Model, resampling: &Resampling, image: &DepthImage) -> Seen {
+    let clock = Instant::now();
+    let image = resampling.apply(image);
+    let estimate = model.estimate(&image);
+    Seen {
+        image,
+        estimate,
+        latency_ms: 1e3 * clock.elapsed().as_secs_f64(),
+    }
+}
+
+/// The depth images in a folder, by name.
+fn images_in(folder: &Path) -> Result<Vec<PathBuf>> {
+    let cannot_read = || format!("cannot read {}", folder.display());
+    let mut images = Vec::new();
+    for entry in folder.read_dir().with_context(cannot_read)? {
+        let path = entry.with_context(cannot_read)?.path();
+        let is_image = |end: &std::ffi::OsStr| EXTENSIONS.iter().any(|image| end == *image);
+        if path.extension().is_some_and(is_image) {
+            images.push(path);
+        }
+    }
+    if images.is_empty() {
+        bail!("{} holds no depth images (.png, .npy)", folder.display());
+    }
+    images.sort();
+    Ok(images)
+}
+
+/// Reads intrinsics that stand in a file alone, or in it as `intrinsics`.
+fn read_camera(path: &Path) -> Result<Intrinsics> {
+    let shown = || format!("--camera {}", path.display());
+    let text = std::fs::read_to_string(path).with_context(shown)?;
+    let mut value: serde_json::Value = serde_json::from_str(&text).with_context(shown)?;
+    if let Some(intrinsics) = value.get_mut("intrinsics") {
+        value = intrinsics.take();
+    }
+    let camera: Intrinsics = serde_json::from_value(value).with_context(shown)?;
+    match camera.mistake() {
+        Some(message) => bail!("{}: {message}", shown()),
+        None => Ok(camera),
+    }
+}
+
+fn to_json(model: &Model, path: &Path, seen: &Seen) -> serde_json::Value {
+    let Estimate { sure_pixels, pose } = &seen.estimate;
+    let by_joint = |values: &[f64]| {
+        let joints = model.record().joints.iter().zip(values);
+        let members = joints.map(|(joint, &value)| (joint.column(), json!(value)));
+        serde_json::Value::Object(members.collect())
+    };
+    json!({
+        "image": path.to_string_lossy(),
+        "arm_visible": sure_pixels.map(|_| pose.is_some()),
+        "joints": pose.as_ref().map(|pose| by_joint(&pose.values)),
+        "spread": pose.as_ref().map(|pose| by_joint(&pose.spread)),
+        "confidence": pose.as_ref().map(|pose| pose.confidence),
+        "pixels": pose.as_ref().map(|pose| pose.pixels),
+        "arm_pixels": sure_pixels,
+        "latency_ms": seen.latency_ms,
+    })
+}
+
+fn to_text(model: &Model, path: &Path, seen: &Seen) -> String {
+    let record = model.record();
+    let Estimate { sure_pixels, pose } = &seen.estimate;
+    let sees = match sure_pixels {
+        Some(n) => format!("{n} pixels surely show the arm"),
+        None => "not segmented".to_owned(),
+    };
+    let mut text = format!("{}: {sees}, {:.0} ms\n", path.display(), seen.latency_ms);
+    let Some(pose) = pose else {
+        let least = record.least_arm_pixels;
+        text.push_str(&format!(
+            "  the arm is not visible: that takes {least} pixels\n"
+        ));
+        return text;
+    };
+    let width = record
+        .joints
+        .iter()
+        .map(|j| j.name.len())
+        .max()
+        .unwrap_or(0);
+    for ((joint, value), spread) in record.joints.iter().zip(&pose.values).zip(&pose.spread) {
+        let unit = joint.unit.name();
+        text.push_str(&format!(
+            "  {:width$}  {value:>8.4} {unit}, spread {spread:.4}\n",
+            joint.name
+        ));
+    }
+    text
+}

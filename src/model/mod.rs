@@ -1,0 +1,290 @@
+//! A model: all that estimates an arm's pose in images of one camera, in one folder.
+//!
+//! ```text
+//! model.json         what the model is for and how it came about
+//! segmentation.bin   the forest that finds the arm; absent when trained without segmentation
+//! pose.bin           the forest that estimates its pose in what is left
+//! ```
+//!
+//! [`train`](training::train) -> [`Model::save`] -> [`Model::load`] -> [`Model::estimate`].
+
+mod record;
+pub mod training;
+
+pub use record::{FORMAT, JointRecord, ModelRecord, TrainedOn, Unit};
+
+use crate::camera::{DepthImage, Intrinsics, Resampling};
+use crate::dataset::isometry;
+use crate::estimator::error::angle_error;
+use crate::estimator::image::ImageEstimate;
+use crate::estimator::look::Look;
+use crate::estimator::segmentation::{Segmentation, masked, segment};
+use crate::feature::{Extra, PaddedDepth};
+use crate::forest::ForestError;
+use crate::forest::model_file::ModelError;
+use crate::forest::pose_forest::PoseForest;
+use crate::forest::segmentation_forest::SegmentationForest;
+use nalgebra::Isometry3;
+use std::borrow::Cow;
+use std::path::{Path, PathBuf};
+
+/// A folder that cannot be written or used as a model.
+#[derive(Debug, thiserror::Error)]
+pub enum ModelFolderError {
+    #[error("{path} exists already; choose another name or remove it", path = path.display())]
+    Exists { path: PathBuf },
+    #[error("cannot write {path}: {source}", path = path.display())]
+    Write {
+        path: PathBuf,
+        source: std::io::Error,
+    },
+    #[error("cannot read {path}: {source}", path = path.display())]
+    Read {
+        path: PathBuf,
+        source: std::io::Error,
+    },
+    #[error("{path}: {message}", path = path.display())]
+    Invalid { path: PathBuf, message: String },
+    #[error(transparent)]
+    Forest(#[from] ModelError),
+    #[error(
+        "the images cover {percent:.0} % of what the model's camera sees, but it takes {:.0} %; train a \
+         model for their camera",
+        100.0 * LEAST_COVERED
+    )]
+    View { percent: f64 },
+}
+
+/// A trained model.
+#[derive(Debug, Clone)]
+pub struct Model {
+    record: ModelRecord,
+    segmentation: Option<SegmentationForest>,
+    pose: PoseForest,
+    camera_from_root: Isometry3<f64>,
+    /// The class of the arm in the segmentation; 0 without one.
+    class: usize,
+}
+
+/// What a model says of one image.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Estimate {
+    /// How many pixels surely show the arm; absent when the model does not segment.
+    pub sure_pixels: Option<usize>,
+    /// Absent when these are fewer than [`ModelRecord::least_arm_pixels`], or when the image has no valid
+    /// pixel: then the arm is not visible and nothing can be said of its pose.
+    pub pose: Option<PoseEstimate>,
+}
+
+/// A pose, and how far it can be trusted.
+#[derive(Debug, Clone, PartialEq)]
+pub struct PoseEstimate {
+    /// Eq. 13 at the model's threshold t_r, in the order and the units of [`ModelRecord::joints`].
+    pub values: Vec<f64>,
+    /// For each joint, how far the chosen pixels' estimates are from `values`: the root of their mean
+    /// squared difference, weighted by their confidences. It tells how much the pixels disagree, and not
+    /// how far they are wrong together.
+    pub spread: Vec<f64>,
+    /// The mean confidence c_p (eq. 2) of the pixels of the arm, 0 to 1. It compares images of one model.
+    pub confidence: f64,
+    /// How many pixels are chosen by t_r.
+    pub pixels: usize,
+}
+
+/// The share of a model's view that images must cover.
+const LEAST_COVERED: f64 = 0.9;
+
+const RECORD: &str = "model.json";
+const SEGMENTATION: &str = "segmentation.bin";
+const POSE: &str = "pose.bin";
+
+impl Model {
+    /// Joins the parts. Fails with a sentence when they do not fit together.
+    fn new(
+        record: ModelRecord,
+        segmentation: Option<SegmentationForest>,
+        mut pose: PoseForest,
+    ) -> Result<Model, String> {
+        record.check()?;
+        let names = record.joints.iter().map(|joint| &joint.name);
+        if !names.eq(pose.names()) {
+            return Err(format!(
+                "{POSE} estimates the joints {}, not those of {RECORD}",
+                pose.names().join(", ")
+            ));
+        }
+        if pose.features().extra() != Extra::Nothing {
+            return Err(format!("{POSE} asks for a context that a model lacks"));
+        }
+        let sigma = |e: ForestError| e.to_string();
+        pose.set_sigma(record.sigma).map_err(sigma)?;
+        let mut class = 0;
+        if let Some(forest) = &segmentation {
+            let name = format!("{} arm", record.arm);
+            let place = forest.classes().iter().position(|class| *class == name);
+            let usable =
+                forest.features().extra() != Extra::Context && forest.classes().len() <= 256;
+            class = place
+                .filter(|_| usable)
+                .ok_or_else(|| format!("{SEGMENTATION} does not tell the {name} from the rest"))?;
+        }
+        let camera_from_root = isometry(&record.camera_from_root)
+            .ok_or_else(|| format!("camera_from_root of {RECORD} is no rigid motion"))?;
+        Ok(Model {
+            record,
+            segmentation,
+            pose,
+            camera_from_root,
+            class,
+        })
+    }
+
+    pub fn record(&self) -> &ModelRecord {
+        &self.record
+    }
+
+    /// The pose of the robot's root in the camera's optical frame, as in the training images.
+    pub fn camera_from_root(&self) -> Isometry3<f64> {
+        self.camera_from_root
+    }
+
+    /// What the model's camera would have seen of the images of another one. Fails when the other sees
+    /// too little of it.
+    pub fn view_of(&self, camera: &Intrinsics) -> Result<Resampling, ModelFolderError> {
+        let resampling = Resampling::new(camera, &self.record.intrinsics);
+        match resampling.covered() {
+            share if share < LEAST_COVERED => Err(ModelFolderError::View {
+                percent: 100.0 * share,
+            }),
+            _ => Ok(resampling),
+        }
+    }
+
+    /// Writes the model into a new folder, at one stroke: it is there as a whole or not at all.
+    pub fn save(&self, folder: &Path) -> Result<(), ModelFolderError> {
+        let path = || folder.to_owned();
+        if folder.exists() {
+            return Err(ModelFolderError::Exists { path: path() });
+        }
+        let failed = |source| ModelFolderError::Write {
+            path: path(),
+            source,
+        };
+        let mut name = folder.file_name().unwrap_or_default().to_owned();
+        name.push(format!(".{}.tmp", std::process::id()));
+        let unfinished = folder.with_file_name(name);
+        let written = std::fs::create_dir_all(&unfinished)
+            .map_err(failed)
+            .and_then(|()| self.write(&unfinished))
+            .and_then(|()| std::fs::rename(&unfinished, folder).map_err(failed));
+        if written.is_err() {
+            // That what is unfinished could not be removed matters to no one.
+            let _ = std::fs::remove_dir_all(&unfinished);
+        }
+        written
+    }
+
+    fn write(&self, folder: &Path) -> Result<(), ModelFolderError> {
+        let mut record = self.record.clone();
+        record.files.clear();
+        let mut note = |name: &str| {
+            let hash = hash(&folder.join(name))?;
+            record.files.insert(name.to_owned(), hash);
+            Ok::<(), ModelFolderError>(())
+        };
+        if let Some(forest) = &self.segmentation {
+            forest.save(&folder.join(SEGMENTATION))?;
+            note(SEGMENTATION)?;
+        }
+        self.pose.save(&folder.join(POSE))?;
+        note(POSE)?;
+        record.write(&folder.join(RECORD))
+    }
+
+    /// Reads what [`Self::save`] wrote, and checks all of it.
+    pub fn load(folder: &Path) -> Result<Model, ModelFolderError> {
+        let record = ModelRecord::read(&folder.join(RECORD))?;
+        let invalid = |message: String| ModelFolderError::Invalid {
+            path: folder.to_owned(),
+            message,
+        };
+        let segmentation = match record.segmentation {
+            Some(_) => Some(SegmentationForest::load(&folder.join(SEGMENTATION))?),
+            None => None,
+        };
+        let pose = PoseForest::load(&folder.join(POSE))?;
+        // Each forest is whole by now, but it may be that of another model.
+        let forests = segmentation.iter().map(|_| SEGMENTATION).chain([POSE]);
+        for name in forests {
+            if record.files.get(name) != Some(&hash(&folder.join(name))?) {
+                let message = format!("{name} belongs to another model than {RECORD}");
+                return Err(invalid(message));
+            }
+        }
+        Model::new(record, segmentation, pose).map_err(invalid)
+    }
+
+    /// Estimates the pose of the arm in an image of the model's camera. Panics when its size is another.
+    pub fn estimate(&self, depth: &DepthImage) -> Estimate {
+        let camera = &self.record.intrinsics;
+        assert_eq!(
+            (depth.width, depth.height),
+            (camera.width, camera.height),
+            "size of the image"
+        );
+        let mut left = Cow::Borrowed(depth);
+        let mut sure_pixels = None;
+        if let Some(forest) = &self.segmentation {
+            let found: Segmentation = segment(forest, depth, self.class);
+            let is_arm = |at: usize| usize::from(found.classes.pixels[at]) == self.class;
+            left = Cow::Owned(masked(depth, is_arm));
+            sure_pixels = Some(found.sure_pixels());
+        }
+        let is_visible = sure_pixels.is_none_or(|n| n >= self.record.least_arm_pixels);
+        Estimate {
+            sure_pixels,
+            pose: is_visible.then(|| self.pose_in(&left)).flatten(),
+        }
+    }
+
+    /// The pose by all valid pixels; `None` when there are none.
+    fn pose_in(&self, depth: &DepthImage) -> Option<PoseEstimate> {
+        let padded = PaddedDepth::new(depth, self.pose.features().reach());
+        let look = Look::new(&self.pose, depth, &padded, 1);
+        let estimate = look.estimate(|_| true)?;
+        let step = self.record.step();
+        let chosen = &estimate.thresholds[step];
+        Some(PoseEstimate {
+            spread: spread(&look, &estimate, step),
+            values: chosen.pose.clone(),
+            confidence: estimate.mean_confidence,
+            pixels: chosen.pixels,
+        })
+    }
+}
+
+/// See [`PoseEstimate::spread`].
+fn spread(look: &Look, estimate: &ImageEstimate, step: usize) -> Vec<f64> {
+    let mean = &estimate.thresholds[step].pose;
+    let mut pose = vec![0.0; mean.len()];
+    let (mut weight, mut squares) = (0.0, vec![0.0; mean.len()]);
+    for (pixel, (confidence, chosen)) in look.chosen(estimate, step).into_iter().enumerate() {
+        if chosen {
+            look.leaves.pose(pixel, &mut pose);
+            weight += f64::from(confidence);
+            for ((sum, &y), &mean) in squares.iter_mut().zip(&pose).zip(mean) {
+                *sum += f64::from(confidence) * angle_error(y, mean).powi(2);
+            }
+        }
+    }
+    squares.iter().map(|sum| (sum / weight).sqrt()).collect()
+}
+
+/// BLAKE3 of a file, in hexadecimal.
+fn hash(path: &Path) -> Result<String, ModelFolderError> {
+    let bytes = std::fs::read(path).map_err(|source| ModelFolderError::Read {
+        path: path.to_owned(),
+        source,
+    })?;
+    Ok(blake3::hash(&bytes).to_hex().to_string())
+}

@@ -1,0 +1,257 @@
+//! Training a model on a data set: first the forest that finds the arm, then the one that estimates its
+//! pose in what the first leaves of the images.
+
+use super::Model;
+use super::record::{FORMAT, JointRecord, ModelRecord, TrainedOn, Unit};
+use crate::Progress;
+use crate::dataset::DataSet;
+use crate::estimator::error::mean_pose;
+use crate::estimator::segmentation::{least_arm_pixels, segment};
+use crate::feature::{Extra, FeatureSpec};
+use crate::forest::grow::GrowSpec;
+use crate::forest::objective::{Make, OBJECTIVES, ObjectiveKind};
+use crate::forest::pose_forest::PoseForest;
+use crate::forest::segmentation_forest::SegmentationForest;
+use crate::pose_space::disp::Disp;
+use crate::random::seed;
+use crate::robot::Motion;
+use crate::scene::Rig;
+use crate::training::pose::Samples;
+use crate::training::seen::Seen;
+use crate::training::{Training, TrainingError, segmentation};
+use std::path::Path;
+
+/// How a model is trained.
+#[derive(Debug, Clone)]
+pub struct ModelSpec {
+    pub objective: &'static ObjectiveKind,
+    pub pose: Training,
+    /// Absent to estimate images as they are.
+    pub segmentation: Option<Training>,
+    /// The bandwidth of eq. 2.
+    pub sigma: f64,
+    /// The relative threshold of eq. 12.
+    pub t_r: f64,
+}
+
+impl ModelSpec {
+    /// The paper's: MSE, sigma and t_r of section II-A and IV-B, the forests of sections IV-A and IV-C as
+    /// in the studies `fig9` and `table1`. Windows are of images 640 pixels wide, and in proportion for
+    /// others of `width`.
+    pub fn of_paper(width: usize) -> ModelSpec {
+        let window = |of_640: usize| (of_640 * width).div_ceil(640);
+        let forest = |min_leaf, features_per_node| GrowSpec {
+            trees: 10,
+            min_leaf,
+            features_per_node,
+            max_depth: None,
+            bootstrap: true,
+        };
+        ModelSpec {
+            objective: &OBJECTIVES[0],
+            pose: Training {
+                foreground: 2000,
+                background: 1000,
+                features: FeatureSpec {
+                    count: 500,
+                    window: window(200),
+                },
+                forest: forest(5, 22),
+            },
+            segmentation: Some(Training {
+                foreground: 1500,
+                background: 1500,
+                features: FeatureSpec {
+                    count: 200,
+                    window: window(100),
+                },
+                forest: forest(1, 14),
+            }),
+            sigma: 1.0,
+            t_r: 0.9,
+        }
+    }
+
+    /// The sum of what [`train`] on so many images reports to its progress.
+    pub fn steps(&self, images: usize) -> u64 {
+        let halves = self.segmentation.as_ref().map_or(0, |training| {
+            let half = |half| half_of(training, half).steps(images_of(images, half).count());
+            half(0) + half(1)
+        });
+        halves + self.pose.steps(images)
+    }
+}
+
+/// The images of a half: every second one.
+fn images_of(images: usize, half: usize) -> impl Iterator<Item = usize> {
+    (half..images).step_by(2)
+}
+
+/// The training of a half: with every second tree.
+fn half_of(training: &Training, half: usize) -> Training {
+    let mut training = training.clone();
+    training.forest.trees = (training.forest.trees + 1 - half) / 2;
+    training
+}
+
+/// Trains a model on all images of a set. `robot` is the file of `rig`, the robot that the images show.
+///
+/// The pose forest must learn from segmentations with the faults that those of new images will have, and
+/// a forest makes hardly any on images that it was trained on. So one half of the segmentation forest's
+/// trees is trained on every second image and the other half on the rest, and each image is segmented by
+/// the trees that have not seen it. New images are segmented by all of them.
+pub fn train(
+    set: &DataSet,
+    (rig, robot): (&Rig, &Path),
+    spec: &ModelSpec,
+    progress: Progress,
+) -> Result<Model, TrainingError> {
+    let record = record(set, rig, robot, spec)?;
+    let all: Vec<usize> = (0..set.len()).collect();
+    let halves = match &spec.segmentation {
+        Some(training) => Some(train_halves(set, training, progress)?),
+        None => None,
+    };
+    let arm = set.target() + 1;
+    let see = |image: usize| {
+        let frame = set.frame(image)?;
+        let Some(halves) = &halves else {
+            return Ok::<_, TrainingError>(Seen::whole(frame));
+        };
+        let found = segment(&halves[1 - image % 2], &frame.depth, arm);
+        let sure_pixels = found.sure_pixels();
+        Ok(Seen::segmented(
+            frame,
+            &found.classes,
+            arm as u8,
+            sure_pixels,
+        ))
+    };
+    let samples = Samples::draw(set, &all, &spec.pose, Extra::Nothing, see, progress)?;
+    let distances;
+    let objective = match spec.objective.make {
+        Make::OfPoses(make) => make(&samples.poses)?,
+        Make::OfDistances(make) => {
+            let poses: Vec<&[f64]> = all.iter().map(|&image| set.pose(image)).collect();
+            distances = Disp::new(&rig.robot, set.target_joints())?.matrix(&poses);
+            make(&distances)?
+        }
+    };
+    let seed = seed(set.record().seed, "forest", &[]);
+    let (trees, leaves) = samples.grow(&*objective, &spec.pose.forest, seed, progress)?;
+    let names = set.target_joints().to_vec();
+    let circular = set.circular().clone();
+    let pose = PoseForest::new(samples.features, names, circular, trees, leaves, spec.sigma)?;
+    let segmentation = match halves {
+        Some([even, odd]) => Some(even.join(odd)?),
+        None => None,
+    };
+    Model::new(record, segmentation, pose).map_err(TrainingError::Unsuitable)
+}
+
+/// Segmentation forests trained on the even and on the odd images.
+fn train_halves(
+    set: &DataSet,
+    training: &Training,
+    progress: Progress,
+) -> Result<[SegmentationForest; 2], TrainingError> {
+    if set.len() < 2 || training.forest.trees < 2 {
+        return Err(TrainingError::Unsuitable(
+            "segmenting takes at least two images and two trees, half of which are trained on half of \
+             the images"
+                .to_owned(),
+        ));
+    }
+    let train = |half: usize| {
+        let images: Vec<usize> = images_of(set.len(), half).collect();
+        let seed = seed(set.record().seed, "segmentation forest", &[half as u64]);
+        segmentation::train(set, &images, &half_of(training, half), seed, progress)
+    };
+    Ok([train(0)?, train(1)?])
+}
+
+/// What is known before anything is trained.
+fn record(
+    set: &DataSet,
+    rig: &Rig,
+    robot: &Path,
+    spec: &ModelSpec,
+) -> Result<ModelRecord, TrainingError> {
+    let of_set = set.record();
+    let target = &of_set.specification.target;
+    let unsuitable = |message: String| {
+        TrainingError::Unsuitable(format!(
+            "{} is not the robot of data set \"{}\": {message}",
+            robot.display(),
+            of_set.name
+        ))
+    };
+    let arm = rig
+        .arm(target)
+        .ok_or_else(|| unsuitable(format!("it has no arm \"{target}\"")))?;
+    let all: Vec<_> = rig.robot.dof_joints().collect();
+    let joint = |&dof: &usize| JointRecord {
+        name: all[dof].name.clone(),
+        unit: match all[dof].motion {
+            Motion::Prismatic(_) => Unit::M,
+            _ => Unit::Rad,
+        },
+    };
+    let joints: Vec<JointRecord> = rig.arms[arm].joints.iter().map(joint).collect();
+    if !joints
+        .iter()
+        .map(|joint| &joint.name)
+        .eq(set.target_joints())
+    {
+        let message = format!("its arm \"{target}\" has other joints");
+        return Err(unsuitable(message));
+    }
+    let intrinsics = set.camera().intrinsics;
+    Ok(ModelRecord {
+        format: FORMAT,
+        intrinsics,
+        range: of_set.camera.range,
+        arm: target.clone(),
+        joints,
+        t_r: spec.t_r,
+        sigma: spec.sigma,
+        least_arm_pixels: least_arm_pixels(&intrinsics),
+        mean_pose: mean_pose((0..set.len()).map(|image| set.pose(image)), set.circular()),
+        robot: robot.to_owned(),
+        rig: rig.fingerprint(),
+        camera_from_root: set.camera().camera_from_root,
+        trained_on: TrainedOn {
+            set: of_set.name.clone(),
+            seed: of_set.seed,
+            images: set.len(),
+        },
+        objective: spec.objective,
+        pose: spec.pose.clone(),
+        segmentation: spec.segmentation.clone(),
+        files: Default::default(),
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Every image and every tree belongs to one half.
+    #[test]
+    fn halves_make_the_whole() {
+        let training = ModelSpec::of_paper(640).segmentation.unwrap();
+        for trees in 2..6 {
+            let mut training = training.clone();
+            training.forest.trees = trees;
+            let halves = [0, 1].map(|half| half_of(&training, half).forest.trees);
+            assert!(halves[0] + halves[1] == trees && halves[1] > 0);
+        }
+        for images in 2..6 {
+            let mut all: Vec<usize> = images_of(images, 0).collect();
+            assert!(all.iter().all(|image| image % 2 == 0));
+            all.extend(images_of(images, 1));
+            all.sort_unstable();
+            assert_eq!(all, (0..images).collect::<Vec<_>>());
+        }
+    }
+}

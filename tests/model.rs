@@ -1,0 +1,495 @@
+//! `armpose train`, `estimate` and `evaluate`, as people with a robot and a camera meet them.
+
+use armpose::camera::depth_file::read_depth_file;
+use armpose::camera::png::write_depth;
+use armpose::camera::{DepthImage, Intrinsics};
+use armpose::dataset::DataSet;
+use armpose::estimator::error::mean_angle_error;
+use armpose::model::Model;
+use serde_json::Value;
+use std::fs;
+use std::io::{BufRead, BufReader, Write};
+use std::path::{Path, PathBuf};
+use std::process::{Command, Output, Stdio};
+use std::sync::OnceLock;
+use tempfile::TempDir;
+
+fn armpose(arguments: &[&str]) -> Output {
+    Command::new(env!("CARGO_BIN_EXE_armpose"))
+        .args(arguments)
+        .output()
+        .unwrap()
+}
+
+/// What it says on stdout when all is well.
+fn says(arguments: &[&str]) -> String {
+    let output = armpose(arguments);
+    let errors = String::from_utf8_lossy(&output.stderr);
+    assert_eq!(output.status.code(), Some(0), "{errors}");
+    String::from_utf8(output.stdout).unwrap()
+}
+
+/// The one line on stderr, without the program's name, when it ends with exit code 2.
+fn complains(arguments: &[&str]) -> String {
+    let output = armpose(arguments);
+    let errors = String::from_utf8(output.stderr).unwrap();
+    assert_eq!(output.status.code(), Some(2), "{errors}");
+    assert_eq!(errors.lines().count(), 1, "{errors}");
+    errors.strip_prefix("armpose: ").unwrap().trim().to_owned()
+}
+
+fn text(path: &Path) -> &str {
+    path.to_str().unwrap()
+}
+
+/// Two sets of images of the planar arm, and a model that is trained on the first.
+struct Workshop {
+    folder: TempDir,
+}
+
+impl Workshop {
+    fn get() -> &'static Workshop {
+        static WORKSHOP: OnceLock<Workshop> = OnceLock::new();
+        WORKSHOP.get_or_init(|| {
+            let workshop = Workshop {
+                folder: tempfile::tempdir().unwrap(),
+            };
+            let robots = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/fixtures/robots");
+            let set = workshop.at("planar.toml");
+            let lines = format!(
+                "images = 60\nrobot = {:?}\ncamera = {:?}\ntarget = \"arm\"\n\
+                 [poses.ranges]\nshoulder = [-1.2, 1.2]\n",
+                workshop.robot(),
+                robots.join("camera.toml")
+            );
+            fs::write(&set, lines).unwrap();
+            for (name, more) in [("train", ["--images", "60"]), ("test", ["--images", "10"])] {
+                let seed = if name == "train" { "1" } else { "2" };
+                let out = workshop.at(name);
+                let render = ["dataset", "render", text(&set), "-o", text(&out), "--seed"];
+                says(&[&render[..], &[seed], &more].concat());
+            }
+            says(&workshop.train("model", &["--threads", "2"]));
+            workshop
+        })
+    }
+
+    fn at(&self, name: &str) -> PathBuf {
+        self.folder.path().join(name)
+    }
+
+    fn robot(&self) -> PathBuf {
+        Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/fixtures/robots/planar_arm/robot.toml")
+    }
+
+    /// The arguments that train a small model.
+    fn train(&self, name: &str, more: &[&'static str]) -> Vec<&'static str> {
+        let leak = |path: PathBuf| &*Box::leak(text(&path).to_owned().into_boxed_str());
+        let (data, robot, out) = (self.at("train"), self.robot(), self.at(name));
+        let mut arguments = vec!["train", "--data", leak(data), "--robot", leak(robot)];
+        arguments.extend(["-o", leak(out), "--trees", "4", "--pixels", "300"]);
+        arguments.extend(more);
+        arguments
+    }
+
+    /// Estimates as JSON, one value a line.
+    fn estimate(&self, model: &str, more: &[&str]) -> Vec<Value> {
+        let model = self.at(model);
+        let estimate = ["estimate", "--json", "--model", text(&model)];
+        let answer = says(&[&estimate[..], more].concat());
+        let lines = answer.lines();
+        lines
+            .map(|line| serde_json::from_str(line).unwrap())
+            .collect()
+    }
+
+    fn test_image(&self, image: usize) -> PathBuf {
+        self.at("test").join(format!("depth/{image:06}.png"))
+    }
+}
+
+#[test]
+fn estimates_of_new_images_beat_the_constant_pose_and_are_the_same_everywhere() {
+    let workshop = Workshop::get();
+    let model = Model::load(&workshop.at("model")).unwrap();
+    let set = DataSet::open(&workshop.at("test")).unwrap();
+    let folder = workshop.at("test").join("depth");
+    let answers = workshop.estimate("model", &[text(&folder)]);
+    assert_eq!(answers.len(), set.len());
+    let (mut errors, mut floors) = (0.0, 0.0);
+    for (image, answer) in answers.iter().enumerate() {
+        assert_eq!(answer["image"], text(&workshop.test_image(image)));
+        let pose = model
+            .estimate(&set.frame(image).unwrap().depth)
+            .pose
+            .unwrap();
+        let joints = &answer["joints"];
+        assert_eq!(joints["shoulder_rad"], pose.values[0]);
+        assert_eq!(joints["elbow_rad"], pose.values[1]);
+        assert_eq!(answer["spread"]["elbow_rad"], pose.spread[1]);
+        assert_eq!(answer["arm_visible"], true);
+        assert!(pose.spread.iter().all(|&spread| spread >= 0.0));
+        assert!(0.0 < pose.confidence && pose.confidence <= 1.0);
+        errors += mean_angle_error(set.pose(image), &pose.values);
+        floors += mean_angle_error(set.pose(image), &model.record().mean_pose);
+    }
+    println!("{errors} against {floors}");
+    assert!(errors < 0.4 * floors, "{errors} against {floors}");
+
+    let (csv, pictures) = (workshop.at("errors.csv"), workshop.at("pictures"));
+    let (model, test) = (workshop.at("model"), workshop.at("test"));
+    let evaluate = ["evaluate", "--model", text(&model), "--data"];
+    let more = [
+        text(&test),
+        "--csv",
+        text(&csv),
+        "--overlay",
+        text(&pictures),
+    ];
+    let summary = says(&[&evaluate[..], &more].concat());
+    for name in ["elbow_deg", "tip_mm", "disp_mm", "constant_pose_mean"] {
+        assert!(summary.contains(name), "{summary}");
+    }
+    let mut rows = csv::Reader::from_path(&csv).unwrap();
+    let header = rows.headers().unwrap().clone();
+    let place = |name: &str| header.iter().position(|column| column == name).unwrap();
+    let number = |row: &csv::StringRecord, name| row[place(name)].parse::<f64>().unwrap();
+    let mut sum = 0.0;
+    for row in rows.records() {
+        let row = row.unwrap();
+        sum += number(&row, "error_all_turning_deg").to_radians();
+        assert!(number(&row, "error_tip_mm") <= number(&row, "error_disp_mm") + 1e-6);
+    }
+    assert!((sum - errors).abs() < 1e-9);
+    assert_eq!(fs::read_dir(&pictures).unwrap().count(), set.len());
+
+    let train = workshop.at("train");
+    let message = complains(&[&evaluate[..], &[text(&train)]].concat());
+    assert!(
+        message.contains("with seed 1, which are these"),
+        "{message}"
+    );
+    says(&[&evaluate[..], &[text(&train), "--seen-images"]].concat());
+}
+
+#[test]
+fn the_same_data_gives_the_same_model_and_no_folder_is_overwritten() {
+    let workshop = Workshop::get();
+    says(&workshop.train("again", &["--threads", "1"]));
+    for file in ["model.json", "segmentation.bin", "pose.bin"] {
+        let read = |model: &str| fs::read(workshop.at(model).join(file)).unwrap();
+        assert_eq!(read("model"), read("again"), "{file}");
+    }
+    let message = complains(&workshop.train("again", &[]));
+    assert!(message.ends_with("exists already; choose another name or remove it"));
+}
+
+#[test]
+fn other_objectives_and_no_segmentation() {
+    let workshop = Workshop::get();
+    says(&workshop.train("mspd", &["--objective", "mspd", "--no-segmentation"]));
+    let image = workshop.test_image(0);
+    let pictures = workshop.at("overlays");
+    let more = [text(&image), "--overlay", text(&pictures)];
+    let answer = &workshop.estimate("mspd", &more)[0];
+    assert!(answer["arm_visible"].is_null() && answer["arm_pixels"].is_null());
+    assert!(answer["joints"]["elbow_rad"].is_f64());
+    assert!(pictures.join("0000-000000.png").is_file());
+    assert!(!workshop.at("mspd").join("segmentation.bin").exists());
+}
+
+/// A robot sends one name and waits for the answer.
+#[test]
+fn names_on_stdin_are_answered_one_by_one() {
+    let workshop = Workshop::get();
+    let mut child = Command::new(env!("CARGO_BIN_EXE_armpose"))
+        .args([
+            "estimate",
+            "--json",
+            "--model",
+            text(&workshop.at("model")),
+            "-",
+        ])
+        .stdin(Stdio::piped())
+        .stdout(Stdio::piped())
+        .spawn()
+        .unwrap();
+    let mut names = child.stdin.take().unwrap();
+    let mut answers = BufReader::new(child.stdout.take().unwrap()).lines();
+    let files = [
+        workshop.test_image(0),
+        workshop.at("no.png"),
+        workshop.test_image(1),
+    ];
+    for (at, file) in files.iter().enumerate() {
+        writeln!(names, "{}", text(file)).unwrap();
+        let answer: Value = serde_json::from_str(&answers.next().unwrap().unwrap()).unwrap();
+        assert_eq!(answer["image"], text(file));
+        assert_eq!(answer["error"].is_string(), at == 1, "{answer}");
+        assert_eq!(answer["joints"].is_object(), at != 1);
+    }
+    drop(names);
+    assert_eq!(child.wait().unwrap().code(), Some(2));
+}
+
+fn npy(descr: &str, shape: &str, values: &[u8]) -> Vec<u8> {
+    let header = format!("{{'descr': '{descr}', 'fortran_order': False, 'shape': {shape}, }}\n");
+    let mut bytes = b"\x93NUMPY\x01\x00".to_vec();
+    bytes.extend((header.len() as u16).to_le_bytes());
+    bytes.extend(header.as_bytes());
+    bytes.extend(values);
+    bytes
+}
+
+/// The same image in other files, units, types and from a camera with finer pixels.
+#[test]
+fn an_image_is_the_same_whatever_holds_it() {
+    let workshop = Workshop::get();
+    let model = Model::load(&workshop.at("model")).unwrap();
+    let camera = model.record().intrinsics;
+    let depth = read_depth_file(&workshop.test_image(2), &camera, 0.001).unwrap();
+    let file = workshop.test_image(2);
+    let expected = &workshop.estimate("model", &[text(&file)])[0];
+    assert!(expected["joints"].is_object());
+
+    let tenths = DepthImage {
+        pixels: depth.pixels.iter().map(|mm| 10 * mm).collect(),
+        ..depth
+    };
+    let png = workshop.at("tenths.png");
+    write_depth(&png, &tenths).unwrap();
+    let message = complains(&[
+        "estimate",
+        "--model",
+        text(&workshop.at("model")),
+        text(&png),
+    ]);
+    assert!(message.contains("must be millimetres"), "{message}");
+
+    let twice = Intrinsics {
+        width: 2 * camera.width,
+        height: 2 * camera.height,
+        fx: 2.0 * camera.fx,
+        fy: 2.0 * camera.fy,
+        cx: 2.0 * camera.cx + 0.5,
+        cy: 2.0 * camera.cy + 0.5,
+    };
+    let camera_file = workshop.at("twice.json");
+    fs::write(&camera_file, serde_json::to_string(&twice).unwrap()).unwrap();
+    let metres = |&mm: &u16| match mm {
+        0 => f64::NAN,
+        mm => f64::from(mm) / 1000.0,
+    };
+    let of_twice = |at: usize| {
+        let (x, y) = (at % twice.width, at / twice.width);
+        &depth.pixels[y / 2 * camera.width + x / 2]
+    };
+    let large =
+        (0..twice.width * twice.height).flat_map(|at| (metres(of_twice(at)) as f32).to_le_bytes());
+    let small = depth.pixels.iter();
+    let (of_large, of_small) = ("(240, 320)", "(120, 160)");
+    let files: [(&str, Vec<u8>); 3] = [
+        ("f4.npy", npy("<f4", of_large, &large.collect::<Vec<_>>())),
+        (
+            "f8.npy",
+            npy(
+                "<f8",
+                of_small,
+                &small
+                    .clone()
+                    .flat_map(|mm| metres(mm).to_le_bytes())
+                    .collect::<Vec<_>>(),
+            ),
+        ),
+        (
+            "u2.npy",
+            npy(
+                "<u2",
+                of_small,
+                &small.flat_map(|mm| mm.to_le_bytes()).collect::<Vec<_>>(),
+            ),
+        ),
+    ];
+    let camera_option = ["--camera", text(&camera_file)];
+    for (name, bytes) in files {
+        let file = workshop.at(name);
+        fs::write(&file, bytes).unwrap();
+        let more = if name == "f4.npy" {
+            &camera_option[..]
+        } else {
+            &[]
+        };
+        let answer = &workshop.estimate("model", &[&[text(&file)], more].concat())[0];
+        for field in ["joints", "spread", "arm_pixels", "pixels"] {
+            assert_eq!(answer[field], expected[field], "{name}");
+        }
+    }
+    let more = [text(&png), "--depth-scale", "0.0001"];
+    assert_eq!(
+        workshop.estimate("model", &more)[0]["joints"],
+        expected["joints"]
+    );
+
+    let narrow = Intrinsics {
+        fx: 2.0 * twice.fx,
+        ..twice
+    };
+    fs::write(&camera_file, serde_json::to_string(&narrow).unwrap()).unwrap();
+    let model = workshop.at("model");
+    let estimate = ["estimate", "--model", text(&model), text(&png)];
+    let message = complains(&[&estimate[..], &camera_option].concat());
+    assert!(
+        message.starts_with("the images cover 50 % of what"),
+        "{message}"
+    );
+}
+
+#[test]
+fn where_there_is_no_arm_none_is_seen() {
+    let workshop = Workshop::get();
+    let wall = workshop.at("wall.png");
+    let image = DepthImage {
+        width: 160,
+        height: 120,
+        pixels: vec![1500; 160 * 120],
+    };
+    write_depth(&wall, &image).unwrap();
+    let answer = &workshop.estimate("model", &[text(&wall)])[0];
+    assert_eq!(answer["arm_visible"], false);
+    assert!(answer["joints"].is_null() && answer["spread"].is_null());
+}
+
+/// Whatever is wrong with an NPY file, one sentence tells it, and nothing is allocated by its word.
+#[test]
+fn unusable_npy_files_are_refused() {
+    let folder = tempfile::tempdir().unwrap();
+    let file = folder.path().join("depth.npy");
+    let camera = Intrinsics {
+        width: 3,
+        height: 2,
+        fx: 1.0,
+        fy: 1.0,
+        cx: 1.0,
+        cy: 0.5,
+    };
+    let whole = npy("<u2", "(2, 3)", &[0, 4].repeat(6));
+    fs::write(&file, &whole).unwrap();
+    let read = || read_depth_file(&file, &camera, 0.001);
+    assert_eq!(read().unwrap().pixels, [1024; 6]);
+    for length in 0..whole.len() {
+        fs::write(&file, &whole[..length]).unwrap();
+        let message = read().unwrap_err().to_string();
+        assert!(message.contains("is not a usable NPY file"), "{message}");
+    }
+    let mut fortran = whole.clone();
+    let order = fortran
+        .windows(5)
+        .position(|word| word == b"False")
+        .unwrap();
+    fortran[order..order + 5].copy_from_slice(b"True ");
+    let mut long = whole.clone();
+    long[6..12].copy_from_slice(&[2, 0, 255, 255, 255, 255]);
+    let mut version = whole.clone();
+    version[6] = 4;
+    let tail = [whole.clone(), vec![0]].concat();
+    let huge = "(99999999999999999999, 99999999999999999999)";
+    for (bytes, part) in [
+        (npy("<u2", huge, &[]), "its shape is (9999999"),
+        (
+            npy("<u2", "(3, 2)", &[0, 4].repeat(6)),
+            "(rows, columns) = (2, 3)",
+        ),
+        (npy(">u2", "(2, 3)", &[0, 4].repeat(6)), "the type '>u2'"),
+        (npy("<i8", "(2, 3)", &[0; 48]), "the type '<i8'"),
+        (fortran, "Fortran order"),
+        (b"not NumPy's".to_vec(), "begin as an NPY"),
+        (long, "header has 4294967295 bytes"),
+        (version, "version 4"),
+        (tail, "13 bytes of values stand in it"),
+    ] {
+        fs::write(&file, bytes).unwrap();
+        let message = read().unwrap_err().to_string();
+        assert!(message.contains(part), "{message}");
+    }
+    let strange = [f64::INFINITY, f64::NAN, -1.0, 1e300, 0.0004, 1.2345];
+    let bytes = strange.iter().flat_map(|x| x.to_le_bytes());
+    fs::write(&file, npy("<f8", "(2, 3)", &bytes.collect::<Vec<_>>())).unwrap();
+    assert_eq!(read().unwrap().pixels, [0, 0, 0, 0, 0, 1235]);
+}
+
+/// A copy of a model in which one file was changed is refused with one sentence.
+#[test]
+fn unusable_models_are_refused() {
+    let workshop = Workshop::get();
+    let folder = tempfile::tempdir().unwrap();
+    let image = workshop.test_image(0);
+    let refused = |file: &str, change: &dyn Fn(&mut Vec<u8>)| {
+        for name in ["model.json", "segmentation.bin", "pose.bin"] {
+            fs::copy(workshop.at("model").join(name), folder.path().join(name)).unwrap();
+        }
+        let path = folder.path().join(file);
+        let mut bytes = fs::read(&path).unwrap();
+        change(&mut bytes);
+        fs::write(&path, bytes).unwrap();
+        let folder = text(folder.path());
+        complains(&["estimate", "--model", folder, text(&image)])
+    };
+    let replaced = |from: &'static str, to: &'static str| {
+        move |bytes: &mut Vec<u8>| {
+            let before = String::from_utf8(bytes.clone()).unwrap();
+            *bytes = before.replacen(from, to, 1).into_bytes();
+            assert_ne!(before.as_bytes(), bytes);
+        }
+    };
+    let cut = |bytes: &mut Vec<u8>| bytes.truncate(bytes.len() / 2);
+    let flip = |bytes: &mut Vec<u8>| {
+        let middle = bytes.len() / 2;
+        bytes[middle] ^= 4;
+    };
+    for (message, part) in [
+        (refused("pose.bin", &cut), "cut off or was altered"),
+        (refused("pose.bin", &flip), "cut off or was altered"),
+        (refused("segmentation.bin", &flip), "cut off or was altered"),
+        (refused("segmentation.bin", &|b| b[8] = 9), "version"),
+        (refused("model.json", &cut), "model.json: EOF"),
+        (
+            refused("model.json", &replaced("\"format\": 1", "\"format\": 7")),
+            "the model has format 7",
+        ),
+        (
+            refused("model.json", &replaced("\"format\"", "\"from\"")),
+            "no model of armpose",
+        ),
+        (
+            refused("model.json", &replaced("\"elbow\"", "\"wrist\"")),
+            "estimates the joints shoulder, elbow",
+        ),
+        (
+            refused("model.json", &replaced("\"t_r\": 0.9", "\"t_r\": 0.905")),
+            "t_r = 0.905",
+        ),
+        (
+            refused(
+                "model.json",
+                &replaced("\"width\": 160", "\"width\": 160000000"),
+            ),
+            "each side",
+        ),
+        (
+            refused("model.json", &replaced("\"sigma\": 1.0", "\"sigma\": -1.0")),
+            "sigma",
+        ),
+        (
+            refused(
+                "model.json",
+                &replaced("\"pose.bin\": \"", "\"pose.bin\": \"0"),
+            ),
+            "belongs to another model",
+        ),
+    ] {
+        assert!(message.contains(part), "{message}");
+    }
+    let nowhere = workshop.at("nowhere");
+    let message = complains(&["estimate", "--model", text(&nowhere), text(&image)]);
+    assert!(message.starts_with("cannot read "), "{message}");
+}
