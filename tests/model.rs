@@ -160,7 +160,8 @@ fn estimates_of_new_images_beat_the_constant_pose_and_are_the_same_everywhere() 
         sum += number(&row, "error_all_turning_deg").to_radians();
         assert!(number(&row, "error_tip_mm") <= number(&row, "error_disp_mm") + 1e-6);
     }
-    assert!((sum - errors).abs() < 1e-9);
+    // Tables are rounded.
+    assert!((sum - errors).abs() < 1e-4);
     assert_eq!(fs::read_dir(&pictures).unwrap().count(), set.len());
 
     let train = workshop.at("train");
