@@ -1,8 +1,8 @@
 //! Levenberg-Marquardt from one start: a robust sum of squares, minimised within limits.
 
-use super::virtual_arm::{VirtualArm, add_squares};
+use super::virtual_arm::{Placed, VirtualArm, add_squares};
 use super::{Settings, Target};
-use nalgebra::{Cholesky, DMatrix, DVector, Isometry3, Point3, Vector3};
+use nalgebra::{Cholesky, DMatrix, DVector, Point3, Vector3};
 
 /// The loss begins this many times as wide as asked for, so that points which are still far off pull
 /// too, and is halved whenever a step gets shorter than `COARSE`. Wider yet, and a false point drags
@@ -13,6 +13,10 @@ const COARSE: f64 = 0.05;
 const FINE: f64 = 1e-6;
 /// Steps, those that are rejected included.
 const STEPS: usize = 40;
+/// After so many steps a descent is given up when its cost, in units of what a point can cost at most
+/// under the loss of the moment, is above that of the best minimum so far. Most of those that end well
+/// are there by then.
+const PATIENCE: usize = 12;
 /// The damping in units of the Hessian's largest diagonal element: at the start of each width, at
 /// least, and by how much it falls and rises. It is the same for all variables: each step changes
 /// them as little as it can, and so the arm stays in the branch of solutions it started in.
@@ -29,7 +33,7 @@ pub(super) struct Descent<'a> {
     stiffness: DVector<f64>,
     scale: f64,
     // Of the variables that were placed last.
-    placed: Vec<Isometry3<f64>>,
+    placed: Vec<Placed>,
     misses: Vec<Vector3<f64>>,
     // Half the gradient of the objective and half its Hessian by Gauss-Newton, where it was
     // linearised last.
@@ -88,15 +92,20 @@ impl<'a> Descent<'a> {
         }
     }
 
-    /// A local minimum below `start`, both within the limits.
-    pub fn run(&mut self, start: &[f64]) -> Minimum {
+    /// A local minimum below `start`, both within the limits; or, when it does not promise to cost less
+    /// than `best`, wherever the search was given up.
+    pub fn run(&mut self, start: &[f64], best: f64) -> Minimum {
         let mut x = self.clamped(DVector::from_column_slice(start));
         let mut scale = WIDER * self.scale;
         let mut damping = DAMPING;
         self.place(&x);
         let mut cost = self.cost(&x, scale);
         self.linearise(&x, scale);
-        for _ in 0..STEPS {
+        let share = |cost: f64, scale: f64| cost / (scale * scale);
+        for step in 0..STEPS {
+            if step == PATIENCE && share(cost, scale) > share(best, self.scale) {
+                break;
+            }
             let trial = self.trial(&x, damping);
             let length = (&trial - &x).amax();
             self.place(&trial);
@@ -183,6 +192,7 @@ impl<'a> Descent<'a> {
             }
             add_squares(&mut self.hessian, weight, point, &self.columns);
         }
+        self.hessian.fill_upper_triangle_with_lower_triangle();
     }
 
     /// Where the damped step from `x` leads. Variables at a limit which the gradient pushes outward

@@ -105,7 +105,7 @@ impl VirtualArm {
         let reference = self.variables(reference);
         let mut descent = Descent::new(self, &targets, &reference, settings);
         let mut stream = random::stream(settings.seed, "inverse kinematics", &[]);
-        let mut best = descent.run(&reference);
+        let mut best = descent.run(&reference, f64::INFINITY);
         for _ in 1..settings.starts {
             if best.farthest <= SOLVED {
                 break;
@@ -116,7 +116,7 @@ impl VirtualArm {
                     *start = reference;
                 }
             }
-            let minimum = descent.run(&start);
+            let minimum = descent.run(&start, best.cost);
             if minimum.cost < best.cost {
                 best = minimum;
             }

@@ -54,6 +54,14 @@ struct Body {
     drive: Drive,
 }
 
+/// Where a body is.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Placed {
+    root_from_body: Isometry3<f64>,
+    /// Of its joint, in the frame of the root; zero for a fixed joint.
+    axis: Vector3<f64>,
+}
+
 #[derive(Debug, Clone)]
 pub(super) struct MarkedPoint {
     in_body: Point3<f64>,
@@ -192,6 +200,7 @@ impl VirtualArm {
             self.differentiate(point, &position, &placed, &mut columns);
             add_squares(&mut squares, 1.0, point, &columns);
         }
+        squares.fill_upper_triangle_with_lower_triangle();
         squares
     }
 
@@ -234,18 +243,31 @@ impl VirtualArm {
         self.limits.iter().map(&mut draw).collect()
     }
 
-    /// `root_from_body` for each body.
-    pub(super) fn place(&self, variables: &[f64], placed: &mut Vec<Isometry3<f64>>) {
+    /// Places each body.
+    pub(super) fn place(&self, variables: &[f64], placed: &mut Vec<Placed>) {
         placed.clear();
         for body in &self.bodies {
             let own = body.joint.parent_from_child(body.drive.value(variables));
-            placed.push(body.parent.map_or(own, |parent| placed[parent] * own));
+            let above = body.parent.map(|parent| placed[parent].root_from_body);
+            let root_from_body = above.map_or(own, |above| above * own);
+            let axis = match body.joint.motion {
+                Motion::Fixed => Vector3::zeros(),
+                Motion::Revolute(axis) | Motion::Prismatic(axis) => {
+                    root_from_body.rotation * axis.into_inner()
+                }
+            };
+            placed.push(Placed {
+                root_from_body,
+                axis,
+            });
         }
     }
 
-    pub(super) fn position(&self, point: &MarkedPoint, placed: &[Isometry3<f64>]) -> Point3<f64> {
+    pub(super) fn position(&self, point: &MarkedPoint, placed: &[Placed]) -> Point3<f64> {
         let fixed_to = point.chain.last();
-        fixed_to.map_or(point.in_body, |&body| placed[body] * point.in_body)
+        fixed_to.map_or(point.in_body, |&body| {
+            placed[body].root_from_body * point.in_body
+        })
     }
 
     /// The derivatives of the point's `position` by the variables that move it; `columns` has a place
@@ -255,41 +277,39 @@ impl VirtualArm {
         &self,
         point: &MarkedPoint,
         position: &Point3<f64>,
-        placed: &[Isometry3<f64>],
+        placed: &[Placed],
         columns: &mut [Vector3<f64>],
     ) {
         for &variable in &point.variables {
             columns[variable] = Vector3::zeros();
         }
         for &body in &point.chain {
-            let (root_from_body, Body { joint, drive, .. }) = (&placed[body], &self.bodies[body]);
+            let (at, Body { joint, drive, .. }) = (&placed[body], &self.bodies[body]);
             let velocity = match joint.motion {
-                Motion::Fixed => continue,
-                Motion::Revolute(axis) => {
-                    let lever = position.coords - root_from_body.translation.vector;
-                    (root_from_body.rotation * axis.into_inner()).cross(&lever)
+                Motion::Revolute(_) => {
+                    let lever = position.coords - at.root_from_body.translation.vector;
+                    at.axis.cross(&lever)
                 }
-                Motion::Prismatic(axis) => root_from_body.rotation * axis.into_inner(),
+                _ => at.axis,
             };
             columns[drive.variable] += velocity * drive.multiplier;
         }
     }
 }
 
-/// Adds `weight` J^T J of one point to a symmetric matrix.
+/// Adds `weight` J^T J of one point to the lower triangle of a symmetric matrix.
 pub(super) fn add_squares(
     matrix: &mut DMatrix<f64>,
     weight: f64,
     point: &MarkedPoint,
     columns: &[Vector3<f64>],
 ) {
-    for (count, &a) in point.variables.iter().enumerate() {
-        let weighted = columns[a] * weight;
-        for &b in &point.variables[..count] {
-            let product = weighted.dot(&columns[b]);
-            matrix[(a, b)] += product;
-            matrix[(b, a)] += product;
+    let rows = matrix.nrows();
+    for (count, &b) in point.variables.iter().enumerate() {
+        let weighted = columns[b] * weight;
+        let column = &mut matrix.as_mut_slice()[b * rows..(b + 1) * rows];
+        for &a in &point.variables[count..] {
+            column[a] += weighted.dot(&columns[a]);
         }
-        matrix[(a, a)] += weighted.dot(&columns[a]);
     }
 }

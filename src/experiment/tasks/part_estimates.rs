@@ -123,7 +123,7 @@ impl Task for PartEstimatesTask {
     fn stage(&self) -> Stage {
         Stage {
             name: "part-estimates".to_owned(),
-            version: 1,
+            version: 2,
         }
     }
 
