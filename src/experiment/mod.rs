@@ -42,6 +42,7 @@ pub fn kinds() -> Vec<study_file::Kind> {
         study_file::Kind::new("metric-example", metric_example::define),
         study_file::Kind::new("part-baseline", part_baseline::angles::define),
         study_file::Kind::new("part-classes", part_baseline::parts::define),
+        study_file::Kind::new("part-tuning", tuning::parts::define),
         study_file::Kind::new("pose-map", pose_map::define),
         study_file::Kind::new("pipeline", pictures::pipeline::define),
         study_file::Kind::new("pixel-estimates", pictures::estimates::define),
@@ -52,7 +53,7 @@ pub fn kinds() -> Vec<study_file::Kind> {
         study_file::Kind::new("sets", sets::define),
         study_file::Kind::new("threshold-sweep", threshold_sweep::define),
         study_file::Kind::new("training-time", training_time::define),
-        study_file::Kind::new("tuning", tuning::define),
+        study_file::Kind::new("tuning", tuning::forest::define),
         study_file::Kind::new("wsc-example", wsc_example::define),
     ]
 }
