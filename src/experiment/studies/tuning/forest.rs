@@ -202,7 +202,10 @@ impl Tuning {
         let forest = &setting.training.forest;
         let features = forest.features_per_node;
         let (at, line) = match setting.sweep {
-            Sweep::Grid => (f64::from(forest.min_leaf), format!("{features} features a node")),
+            Sweep::Grid => (
+                f64::from(forest.min_leaf),
+                format!("{features} features a node"),
+            ),
             Sweep::Trees => (setting.trees as f64, String::new()),
             Sweep::Depth => (forest.max_depth.unwrap_or(0) as f64, String::new()),
             Sweep::Sigma => (setting.sigma, String::new()),
@@ -249,7 +252,9 @@ impl Tuning {
             .collect();
         let range = |value: &dyn Fn(&Trial) -> f64| {
             let values = of_sigma.iter().map(|t| value(t));
-            values.fold((f64::MAX, 0.0f64), |(low, high), v| (low.min(v), high.max(v)))
+            values.fold((f64::MAX, 0.0f64), |(low, high), v| {
+                (low.min(v), high.max(v))
+            })
         };
         if of_sigma.is_empty() {
             return claim.not_checkable("no value of sigma was tried");

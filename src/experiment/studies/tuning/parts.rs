@@ -39,11 +39,19 @@ pub struct Test {}
 
 /// What varies in a setting, and how the figure calls it.
 const SWEEPS: [(&str, &str, &str); 5] = [
-    ("grid", "Leaf size and features per node", "least samples in a leaf"),
+    (
+        "grid",
+        "Leaf size and features per node",
+        "least samples in a leaf",
+    ),
     ("longest", "Longest vote", "longest vote (m)"),
     ("heaviest", "Votes kept", "heaviest votes kept for a joint"),
     ("bandwidth", "Pooling", "bandwidth of mean shift (m)"),
-    ("prior", "Alignment", "prior mu of the alignment (m^2/rad^2)"),
+    (
+        "prior",
+        "Alignment",
+        "prior mu of the alignment (m^2/rad^2)",
+    ),
 ];
 
 const COLUMNS: [&str; 6] = [
@@ -100,7 +108,9 @@ pub fn define(specification: Specification<Parameters, Test>) -> Result<Box<dyn 
         vary("longest", longest, &|b| b.votes.longest_m = longest);
     }
     for &heaviest in &parameters.heaviest {
-        vary("heaviest", heaviest as f64, &|b| b.votes.heaviest = heaviest);
+        vary("heaviest", heaviest as f64, &|b| {
+            b.votes.heaviest = heaviest
+        });
     }
     for &bandwidth in &parameters.bandwidth_m {
         vary("bandwidth", bandwidth, &|b| b.votes.bandwidth_m = bandwidth);
@@ -143,7 +153,8 @@ impl Study for Tuning {
         let mut constant = Vec::new();
         for task in self.settings.first().map_or(&[][..], |first| &first.tasks) {
             let training = &task.forest.samples.images;
-            let pose = mean_pose(training.iter().map(|&image| set.pose(image)));
+            let poses = training.iter().map(|&image| set.pose(image));
+            let pose = mean_pose(poses, set.circular());
             constant.extend(task.images.iter().map(|&i| error_deg(set.pose(i), &pose)));
         }
         let constant = mean(&constant);
