@@ -101,6 +101,13 @@ pub struct Range {
     pub far_m: f64,
 }
 
+impl Range {
+    /// Whether the camera reports this depth, mm.
+    pub fn holds(&self, mm: u16) -> bool {
+        (self.near_m..=self.far_m).contains(&(f64::from(mm) / 1000.0))
+    }
+}
+
 /// The projector of a structured-light camera, beside it on its x axis (image right), so that
 /// shadows fall on the left of near things.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]

@@ -13,6 +13,7 @@
 
 mod generate;
 mod portrait;
+mod real_frames;
 mod record;
 mod sampling;
 mod sheet;
@@ -20,6 +21,7 @@ mod spec;
 
 pub use generate::generate;
 pub use portrait::portrait;
+pub use real_frames::{RealFrame, RealFrames};
 pub use record::{ArmRecord, CameraRecord, FORMAT, ImageRecord, LabelRecord, SetRecord};
 pub use sampling::{Pixel, draw_pixels, folds, sample_pixels};
 pub use sheet::{SheetStyle, contact_sheet, viridis};

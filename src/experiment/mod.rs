@@ -32,6 +32,14 @@ pub mod table;
 pub mod task;
 pub mod tasks;
 
+use std::path::{Path, PathBuf};
+
+/// The folder of data that is too large or not ours to be in the repository: `ARMPOSE_SHARED`, or else
+/// `shared` beside the repository. It need not be there.
+pub fn shared(root: &Path) -> PathBuf {
+    std::env::var_os("ARMPOSE_SHARED").map_or_else(|| root.join("../shared"), PathBuf::from)
+}
+
 /// Every kind of study.
 pub fn kinds() -> Vec<study_file::Kind> {
     use studies::*;
@@ -46,6 +54,7 @@ pub fn kinds() -> Vec<study_file::Kind> {
         study_file::Kind::new("pose-map", pose_map::define),
         study_file::Kind::new("pipeline", pictures::pipeline::define),
         study_file::Kind::new("pixel-estimates", pictures::estimates::define),
+        study_file::Kind::new("real-images", real_images::define),
         study_file::Kind::new("runtime", part_baseline::runtime::define),
         study_file::Kind::new("segmentation", segmentation::scores::define),
         study_file::Kind::new("segmentation-images", segmentation::gallery::define),

@@ -32,7 +32,7 @@ impl Run<'_> {
 
     fn plan_with(&self, cook: &Cook, studies: &[LoadedStudy]) -> Result<Plan> {
         let mut tasks = Vec::new();
-        for study in studies {
+        for study in studies.iter().filter(|s| s.study.missing().is_none()) {
             tasks.extend(self.tasks(study)?);
         }
         Plan::new(&tasks, cook, self.cache)
@@ -61,6 +61,10 @@ impl Run<'_> {
             display.print(&format!("warning: {damage}; this result is made again"));
         }
         for study in studies {
+            if let Some(missing) = study.study.missing() {
+                display.print(&format!("{}: skipped: {missing}", study.id));
+                continue;
+            }
             let (started, clock) = (SystemTime::now(), Instant::now());
             let plan = self.plan_with(&cook, std::slice::from_ref(study))?;
             let tasks = plan.execute(self.cache, &display)?;

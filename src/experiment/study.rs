@@ -14,6 +14,11 @@ pub trait Study {
     /// The tasks whose results the report reads. Their inputs follow from them.
     fn tasks(&self) -> Result<Vec<Arc<dyn Task>>>;
 
+    /// What must be there and is not, as a sentence: the study is skipped.
+    fn missing(&self) -> Option<String> {
+        None
+    }
+
     /// Called when all tasks are done. The same results give the same report, to the last bit.
     fn report(&self, done: Done<'_>) -> Result<Report>;
 }

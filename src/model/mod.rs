@@ -25,6 +25,7 @@ use crate::forest::model_file::ModelError;
 use crate::forest::pose_forest::PoseForest;
 use crate::forest::segmentation_forest::SegmentationForest;
 use nalgebra::Isometry3;
+use serde::{Deserialize, Serialize};
 use std::borrow::Cow;
 use std::path::{Path, PathBuf};
 
@@ -67,7 +68,7 @@ pub struct Model {
 }
 
 /// What a model says of one image.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Estimate {
     /// How many pixels surely show the arm; absent when the model does not segment.
     pub sure_pixels: Option<usize>,
@@ -77,7 +78,7 @@ pub struct Estimate {
 }
 
 /// A pose, and how far it can be trusted.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct PoseEstimate {
     /// Eq. 13 at the model's threshold t_r, in the order and the units of [`ModelRecord::joints`].
     pub values: Vec<f64>,
@@ -224,7 +225,8 @@ impl Model {
         Model::new(record, segmentation, pose).map_err(invalid)
     }
 
-    /// Estimates the pose of the arm in an image of the model's camera. Panics when its size is another.
+    /// Estimates the pose of the arm in an image of the model's camera. Depths that the camera of the
+    /// training images would not report count as invalid. Panics when the image's size is another.
     pub fn estimate(&self, depth: &DepthImage) -> Estimate {
         let camera = &self.record.intrinsics;
         assert_eq!(
@@ -232,6 +234,7 @@ impl Model {
             (camera.width, camera.height),
             "size of the image"
         );
+        let depth = &masked(depth, |at| self.record.range.holds(depth.pixels[at]));
         let mut left = Cow::Borrowed(depth);
         let mut sure_pixels = None;
         if let Some(forest) = &self.segmentation {

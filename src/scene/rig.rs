@@ -64,12 +64,17 @@ impl Rig {
     /// Reads a `robot.toml`. The path of the URDF is relative to it.
     pub fn read(path: &Path) -> Result<Rig, SceneError> {
         let file: RigFile = strict_toml::read(path)?;
-        let folder = path.parent().unwrap_or(Path::new(""));
-        let robot = Robot::from_urdf(&folder.join(&file.urdf))?;
+        let robot = Robot::from_urdf(&Self::urdf_of(path)?)?;
         Self::assemble(robot, file).map_err(|message| SceneError::Rig {
             path: path.to_owned(),
             message,
         })
+    }
+
+    /// Where the URDF is that a `robot.toml` names.
+    pub fn urdf_of(path: &Path) -> Result<PathBuf, SceneError> {
+        let file: RigFile = strict_toml::read(path)?;
+        Ok(path.parent().unwrap_or(Path::new("")).join(&file.urdf))
     }
 
     fn assemble(robot: Robot, file: RigFile) -> Result<Rig, String> {

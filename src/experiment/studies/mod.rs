@@ -7,6 +7,7 @@ pub mod metric_example;
 pub mod part_baseline;
 pub mod pictures;
 pub mod pose_map;
+pub mod real_images;
 pub mod segmentation;
 pub mod sensor;
 pub mod sets;

@@ -22,6 +22,12 @@ impl DataSetTask {
         Ok(DataSetTask { spec, seed })
     }
 
+    /// Of the robot's files, the one that is not there.
+    pub fn missing(&self) -> Result<Option<PathBuf>> {
+        let urdf = Rig::urdf_of(&self.spec.robot_path())?;
+        Ok((!urdf.is_file()).then_some(urdf))
+    }
+
     /// The robot, and which of its arms is estimated.
     pub fn rig(&self) -> Result<(Rig, usize)> {
         let rig = Rig::read(&self.spec.robot_path())?;
@@ -54,8 +60,14 @@ impl Task for DataSetTask {
 
     fn files(&self) -> Vec<PathBuf> {
         let robot = self.spec.robot_path();
-        let folder = robot.parent().map_or(robot.clone(), Path::to_owned);
-        vec![folder, self.spec.camera_path()]
+        let folder = |path: &Path| path.parent().map_or(path.to_owned(), Path::to_owned);
+        let mut files = vec![folder(&robot), self.spec.camera_path()];
+        // A description elsewhere, with its meshes. One that cannot be found fails when it is read.
+        match Rig::urdf_of(&robot) {
+            Ok(urdf) if folder(&urdf) != files[0] => files.push(folder(&urdf)),
+            _ => {}
+        }
+        files
     }
 
     fn cost(&self) -> Cost {

@@ -4,6 +4,7 @@ pub mod data_set;
 pub mod distances;
 pub mod estimates;
 pub mod estimation_times;
+pub mod model;
 pub mod part_estimates;
 pub mod part_forest;
 pub mod pose_forest;

@@ -6,6 +6,7 @@ mod real_frames;
 mod report;
 
 use crate::camera::Camera;
+use crate::experiment::shared;
 use crate::experiment::study::{Done, Report, Specification, Study};
 use crate::experiment::task::{Cost, Stage, Task};
 use anyhow::{Context, Result, bail};
@@ -105,9 +106,7 @@ pub fn define(specification: Specification<Parameters, Test>) -> Result<Box<dyn 
 
 /// The real frames, when the folder of shared data (`ARMPOSE_SHARED`, else `../shared`) has them.
 fn real_frames(root: &Path) -> Result<Vec<PathBuf>> {
-    let shared =
-        std::env::var_os("ARMPOSE_SHARED").map_or_else(|| root.join("../shared"), PathBuf::from);
-    let folder = shared.join("realdata/kinect_static");
+    let folder = shared(root).join("realdata/kinect_static");
     let Ok(entries) = folder.read_dir() else {
         return Ok(Vec::new());
     };
