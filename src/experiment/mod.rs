@@ -46,6 +46,7 @@ pub fn kinds() -> Vec<study_file::Kind> {
     vec![
         study_file::Kind::new("confidence", confidence::define),
         study_file::Kind::new("cross-validation", cross_validation::define),
+        study_file::Kind::new("learning-curve", learning_curve::define),
         study_file::Kind::new("map-quality", map_quality::define),
         study_file::Kind::new("metric-example", metric_example::define),
         study_file::Kind::new("part-baseline", part_baseline::angles::define),

@@ -2,6 +2,7 @@
 
 pub mod confidence;
 pub mod cross_validation;
+pub mod learning_curve;
 pub mod map_quality;
 pub mod metric_example;
 pub mod part_baseline;

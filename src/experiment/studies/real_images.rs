@@ -329,7 +329,7 @@ impl RealImages {
             ),
             panels: above,
             columns,
-            size: (420 * columns as u32, 700),
+            size: (420 * columns as u32, 590),
         })
     }
 
@@ -394,7 +394,7 @@ impl RealImages {
 
 /// The colours of Fig. 12.
 const ENCODERS: [u8; 3] = [170, 170, 170];
-const ESTIMATE: [u8; 3] = [0, 114, 178];
+const ESTIMATE: [u8; 3] = [86, 180, 233];
 const CLOUD: [f64; 3] = [230.0, 140.0, 0.0];
 
 /// What is seen up to `far_mm` in orange, near is bright; the rest is black.

@@ -1,6 +1,8 @@
 //! Estimating the pose in images that a forest was not trained on.
 
+use super::data_set::DataSetTask;
 use super::pose_forest::{FOREST_FILE, PoseForestTask};
+use super::sight::Sight;
 use crate::Progress;
 use crate::dataset::DataSet;
 use crate::estimator::image::ImageEstimate;
@@ -18,6 +20,10 @@ use std::sync::Arc;
 /// `estimates.json`.
 pub struct EstimatesTask {
     pub forest: Arc<PoseForestTask>,
+    /// The set of the test images.
+    pub set: Arc<DataSetTask>,
+    /// What is seen of them.
+    pub sight: Sight,
     /// The test images, ascending.
     pub images: Vec<usize>,
     /// The bandwidth of eq. 2.
@@ -42,7 +48,8 @@ pub struct Estimated {
 const FILE: &str = "estimates.json";
 
 impl EstimatesTask {
-    /// Fails when an image is among those that the forest was trained on.
+    /// Of images of the training images' set, seen as those. Fails when an image is among those that the
+    /// forest was trained on.
     pub fn new(
         forest: Arc<PoseForestTask>,
         images: Vec<usize>,
@@ -55,11 +62,35 @@ impl EstimatesTask {
             bail!("image {image} of set {set} is in the training and in the test images");
         }
         Ok(EstimatesTask {
+            set: forest.set.clone(),
+            sight: forest.sight.clone(),
             forest,
             images,
             sigma,
             trees,
             stride,
+        })
+    }
+
+    /// Of all images of another set, with all trees and pixels. Fails when it is not another.
+    pub fn of_other_set(
+        forest: Arc<PoseForestTask>,
+        set: Arc<DataSetTask>,
+        sight: Sight,
+        sigma: f64,
+    ) -> Result<EstimatesTask> {
+        let name = &set.spec.name;
+        if *name == forest.set.spec.name {
+            bail!("the images of set {name} are in the training and in the test images");
+        }
+        Ok(EstimatesTask {
+            images: (0..set.spec.images).collect(),
+            trees: forest.training.forest.trees,
+            set,
+            sight,
+            forest,
+            sigma,
+            stride: 1,
         })
     }
 
@@ -81,8 +112,12 @@ impl Task for EstimatesTask {
     }
 
     fn label(&self) -> String {
+        let elsewhere = match self.set.spec.name == self.forest.set.spec.name {
+            true => String::new(),
+            false => format!(" on {}{}", self.set.spec.name, self.sight.label()),
+        };
         format!(
-            "estimates with {} trees, sigma {}: {}",
+            "estimates with {} trees, sigma {}{elsewhere}: {}",
             self.trees,
             self.sigma,
             self.forest.label()
@@ -94,8 +129,8 @@ impl Task for EstimatesTask {
     }
 
     fn inputs(&self) -> Vec<Arc<dyn Task>> {
-        let mut inputs: Vec<Arc<dyn Task>> = vec![self.forest.clone(), self.forest.set.clone()];
-        inputs.extend(self.forest.sight.input());
+        let mut inputs: Vec<Arc<dyn Task>> = vec![self.forest.clone(), self.set.clone()];
+        inputs.extend(self.sight.input());
         inputs
     }
 
@@ -117,7 +152,7 @@ impl Task for EstimatesTask {
         let mut forest = PoseForest::load(&inputs[0].join(FOREST_FILE))?;
         forest.keep_trees(self.trees);
         forest.set_sigma(self.sigma)?;
-        let sight = &self.forest.sight;
+        let sight = &self.sight;
         let segmented = inputs.get(2).map(PathBuf::as_path);
         let arm_of_label = set.arm_of_label();
         let estimate = |&image: &usize| {
