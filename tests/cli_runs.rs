@@ -326,3 +326,18 @@ fn threads_a_kill_and_damaged_images_leave_the_same_bits() {
     assert_eq!(killed.run(&[]), "");
     assert_eq!(killed.run(&["fig9"]), "");
 }
+
+#[test]
+fn a_study_without_its_data_is_skipped() {
+    let repository = Repository::new();
+    let nowhere = repository.path("nowhere");
+    let output = repository
+        .command(&["experiment", "fig12", "--profile", "smoke"])
+        .env("ARMPOSE_SHARED", &nowhere)
+        .output()
+        .unwrap();
+    let said = String::from_utf8(output.stderr).unwrap();
+    assert!(output.status.success(), "{said}");
+    assert!(said.contains("fig12: skipped: there is no "), "{said}");
+    assert!(!repository.path("results/smoke/fig12").exists());
+}

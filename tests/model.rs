@@ -361,6 +361,27 @@ fn where_there_is_no_arm_none_is_seen() {
 }
 
 /// Whatever is wrong with an NPY file, one sentence tells it, and nothing is allocated by its word.
+/// The camera of the training images reports nothing beyond 5 m.
+#[test]
+fn depths_out_of_range_are_as_good_as_none() {
+    let workshop = Workshop::get();
+    let model = Model::load(&workshop.at("model")).unwrap();
+    let set = DataSet::open(&workshop.at("test")).unwrap();
+    let image = set.frame(0).unwrap().depth;
+    let with = |depth: u16| {
+        let mut image = image.clone();
+        image
+            .pixels
+            .iter_mut()
+            .step_by(7)
+            .for_each(|mm| *mm = depth);
+        model.estimate(&image)
+    };
+    assert_eq!(with(5001), with(0));
+    assert_eq!(with(299), with(0));
+    assert_ne!(with(4999), with(0));
+}
+
 #[test]
 fn unusable_npy_files_are_refused() {
     let folder = tempfile::tempdir().unwrap();

@@ -40,6 +40,37 @@ fn studies_use_what_tuning_chose() {
     }
 }
 
+/// The tuned baseline has, of every sweep, what was chosen in the committed tuning.
+#[test]
+fn the_baseline_has_what_tuning_chose() {
+    let summary = root().join("results/paper/tuning_parts/summary.csv");
+    let mut reader = csv::Reader::from_path(summary).unwrap();
+    let columns = reader.headers().unwrap().clone();
+    let column = |name: &str| columns.iter().position(|c| c == name).unwrap();
+    let rows = reader.records().map(Result::unwrap);
+    let chosen: Vec<_> = rows.filter(|r| &r[column("role")] == "chosen").collect();
+    let baseline = std::fs::read_to_string(root().join("data/baselines/tuned.toml")).unwrap();
+    let baseline: toml::Table = baseline.parse().unwrap();
+    let mut sweeps = Vec::new();
+    for row in &chosen {
+        let (place, names): (_, &[_]) = match &row[column("sweep")] {
+            "grid" => ("forest", &["min_leaf", "features_per_node"]),
+            "longest" => ("votes", &["longest_m"]),
+            "heaviest" => ("votes", &["heaviest"]),
+            "bandwidth" => ("votes", &["bandwidth_m"]),
+            "prior" => ("alignment", &["prior"]),
+            other => panic!("sweep {other}"),
+        };
+        for &name in names {
+            let number = |text: &str| text.parse::<f64>().unwrap();
+            let ours = number(&baseline[place][name].to_string());
+            assert_eq!(ours, number(&row[column(name)]), "{name}");
+        }
+        sweeps.push(place);
+    }
+    assert_eq!(sweeps.len(), 5);
+}
+
 /// Every study has committed results at the paper's scale, with a verdict on each of its claims.
 #[test]
 fn every_study_has_its_results_and_verdicts() {

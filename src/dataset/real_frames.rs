@@ -78,3 +78,39 @@ impl RealFrames {
         Ok(read_depth(&self.frames[frame].depth, &self.camera)?)
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const FILE: &str = r#"{
+        "joint_names": ["a", "b"], "width": 4, "height": 3,
+        "fx": 5.0, "fy": 5.5, "cx": 1.5, "cy": 1.0, "licence": "any",
+        "frames": [{ "depth": "images/0.png", "q": [0.1, -0.2], "mask": "0.png" }]
+    }"#;
+
+    fn read(text: &str) -> Result<RealFrames, DataSetError> {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("real.json");
+        std::fs::write(&path, text).unwrap();
+        RealFrames::read(&path)
+    }
+
+    #[test]
+    fn images_lie_relative_to_the_file() {
+        let real = read(FILE).unwrap();
+        assert_eq!(real.joints, ["a", "b"]);
+        assert_eq!((real.camera.fy, real.camera.height), (5.5, 3));
+        assert!(real.frames[0].depth.ends_with("images/0.png"));
+        assert!(real.frames[0].depth.is_absolute());
+        assert_eq!(real.frames[0].encoders, [0.1, -0.2]);
+    }
+
+    #[test]
+    fn what_does_not_fit_together_is_told() {
+        let told = |old: &str, new: &str| read(&FILE.replace(old, new)).unwrap_err().to_string();
+        assert!(told("[0.1, -0.2]", "[0.1]").ends_with("frame 0 has not 2 joints"));
+        assert!(told("\"fx\": 5.0", "\"fx\": -5.0").contains("real.json: "));
+        assert!(told("\"width\": 4,", "").contains("width"));
+    }
+}
