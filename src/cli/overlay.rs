@@ -6,14 +6,11 @@ use armpose::camera::{Camera, DepthImage, Image, Photographer};
 use armpose::dataset::DataSet;
 use armpose::experiment::figure::{Figure, Panel, PicturePanel};
 use armpose::model::{Model, ModelRecord, PoseEstimate};
-use armpose::scene::{Rig, draw_arm};
+use armpose::scene::{ESTIMATED, KNOWN, Rig, cloud, draw_arm};
 use nalgebra::Isometry3;
 use std::path::{Path, PathBuf};
 
 type Picture = Image<[u8; 3]>;
-
-const ESTIMATE: [u8; 3] = [0, 90, 220];
-const TRUTH: [u8; 3] = [215, 215, 215];
 
 /// The robot of a model: the one that `elsewhere` describes, or else the one that it was trained with.
 pub fn rig_of(record: &ModelRecord, elsewhere: Option<&Path>) -> Result<Rig> {
@@ -81,9 +78,9 @@ impl<'a> Overlays<'a> {
         pose: Option<&PoseEstimate>,
     ) -> Result<()> {
         let configuration = set.configuration(image, &self.rig.robot)?;
-        let mut picture = self.orange(depth);
+        let mut picture = cloud(depth, &self.record.range);
         let camera_from_root = set.camera_from_root_of(image);
-        self.draw(&mut picture, &configuration, camera_from_root, TRUTH);
+        self.draw(&mut picture, &configuration, camera_from_root, KNOWN);
         self.draw_pose(&mut picture, configuration, camera_from_root, pose);
         self.write(
             &format!("{image:06}"),
@@ -101,7 +98,7 @@ impl<'a> Overlays<'a> {
         depth: &DepthImage,
         pose: Option<&PoseEstimate>,
     ) -> Result<()> {
-        let mut picture = self.orange(depth);
+        let mut picture = cloud(depth, &self.record.range);
         let rest = self.rig.robot.rest();
         let camera_from_root = self.camera_from_root;
         self.draw_pose(&mut picture, rest, &camera_from_root, pose);
@@ -123,7 +120,7 @@ impl<'a> Overlays<'a> {
             for (&dof, &value) in self.rig.arms[self.arm].joints.iter().zip(&pose.values) {
                 configuration[dof] = value;
             }
-            self.draw(picture, &configuration, camera_from_root, ESTIMATE);
+            self.draw(picture, &configuration, camera_from_root, ESTIMATED);
         }
     }
 
@@ -174,23 +171,5 @@ impl<'a> Overlays<'a> {
         let path = self.folder.join(format!("{name}.png"));
         std::fs::write(&path, figure.png()?)
             .with_context(|| format!("cannot write {}", path.display()))
-    }
-
-    /// Near is bright; invalid is black.
-    fn orange(&self, depth: &DepthImage) -> Picture {
-        let (near, far) = (self.record.range.near_m, self.record.range.far_m);
-        let colour = |&mm: &u16| match mm {
-            0 => [0; 3],
-            mm => {
-                let far_share = ((f64::from(mm) / 1000.0 - near) / (far - near)).clamp(0.0, 1.0);
-                let light = 1.0 - 0.75 * far_share.sqrt();
-                [255.0, 170.0, 80.0].map(|c: f64| (c * light) as u8)
-            }
-        };
-        Image {
-            width: depth.width,
-            height: depth.height,
-            pixels: depth.pixels.iter().map(colour).collect(),
-        }
     }
 }

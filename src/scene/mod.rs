@@ -13,7 +13,7 @@ mod room;
 pub use collision::SelfCollision;
 pub use jitter::CameraJitter;
 pub use oriented_box::OrientedBox;
-pub use overlay::draw_arm;
+pub use overlay::{ESTIMATED, KNOWN, cloud, draw_arm};
 pub use pose::{PoseSampler, PoseSpec};
 pub use rig::{Arm, Rig};
 pub use room::{FurnitureSpec, RoomSpec, furnish};

@@ -1,8 +1,30 @@
 //! An arm drawn over an image, to see whether a pose fits.
 
 use super::{Rig, robot_bodies};
-use crate::camera::{Image, Photographer};
+use crate::camera::{DepthImage, Image, Photographer, Range};
 use nalgebra::Isometry3;
+
+/// The colours of Fig. 12: the arm as it is known to be, grey, and as it is estimated, blue. Both are bright
+/// enough for a black background.
+pub const KNOWN: [u8; 3] = [215, 215, 215];
+pub const ESTIMATED: [u8; 3] = [60, 140, 255];
+
+/// A depth image in orange: near is bright, what is invalid or beyond the range is black.
+pub fn cloud(depth: &DepthImage, range: &Range) -> Image<[u8; 3]> {
+    let colour = |&mm: &u16| {
+        if !range.holds(mm) {
+            return [0; 3];
+        }
+        let share = (f64::from(mm) / 1000.0 - range.near_m) / (range.far_m - range.near_m);
+        let light = 1.0 - 0.75 * share.sqrt();
+        [255.0, 170.0, 80.0].map(|c: f64| (c * light) as u8)
+    };
+    Image {
+        width: depth.width,
+        height: depth.height,
+        pixels: depth.pixels.iter().map(colour).collect(),
+    }
+}
 
 /// Draws an arm of a robot over a picture of the photographer's size: filled lightly, with a strong
 /// outline. `configuration` poses the whole robot.

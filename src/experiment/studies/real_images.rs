@@ -1,6 +1,6 @@
 //! Models that have seen synthetic images only, on real ones (section IV-F, Fig. 12), with numbers.
 
-use crate::camera::{DepthImage, Image, Photographer};
+use crate::camera::{Camera, Photographer};
 use crate::dataset::RealFrames;
 use crate::experiment::figure::{Axis, DepthPanel, Figure, Mark, Panel, PicturePanel, Plot, Shape};
 use crate::experiment::protocol::Ruler;
@@ -16,7 +16,7 @@ use crate::experiment::tasks::model::{
 use crate::forest::objective::ObjectiveKind;
 use crate::model::Model;
 use crate::model::training::ModelSpec;
-use crate::scene::{Rig, draw_arm};
+use crate::scene::{ESTIMATED, KNOWN, Rig, cloud, draw_arm};
 use anyhow::{Context, Result, bail};
 use serde::{Deserialize, Serialize};
 use std::path::PathBuf;
@@ -85,9 +85,7 @@ pub fn define(specification: Specification<Parameters, Test>) -> Result<Box<dyn 
     let mut tried = Vec::new();
     for (images, is_segmented) in sizes.chain([(parameters.whole, false)]) {
         let set = Arc::new(set(images)?);
-        let width = crate::camera::Camera::read(&set.spec.camera_path())?
-            .intrinsics
-            .width;
+        let width = Camera::read(&set.spec.camera_path())?.intrinsics.width;
         let mut spec = ModelSpec::of_paper(width);
         spec.objective = parameters.objective;
         spec.segmentation = spec.segmentation.filter(|_| is_segmented);
@@ -274,7 +272,7 @@ impl RealImages {
             .max_by_key(|tried| tried.images)
             .context("no model")?;
         let model = Model::load(&done(&*best.model)?.join(MODEL))?;
-        let camera = crate::camera::Camera::read(&self.held_out.spec.camera_path())?;
+        let camera = Camera::read(&self.held_out.spec.camera_path())?;
         let real = RealFrames::read(&self.real)?;
         let view = model.view_of(&real.camera)?;
         let mut photographer = Photographer::new(&camera);
@@ -283,7 +281,7 @@ impl RealImages {
         for (frame, ModelEstimated { truth, estimate }) in estimates.iter().enumerate() {
             let depth = view.apply(&real.depth(frame)?);
             let far = camera.range.far_m * 1000.0;
-            let mut picture = cloud(&depth, far);
+            let mut picture = cloud(&depth, &camera.range);
             let mut draw = |pose: &[f64], colour| {
                 let mut configuration = vec![0.0; rig.robot.dofs()];
                 for (&dof, &value) in rig.arms[arm].joints.iter().zip(pose) {
@@ -300,9 +298,9 @@ impl RealImages {
                     colour,
                 );
             };
-            draw(truth, ENCODERS);
+            draw(truth, KNOWN);
             if let Some(pose) = &estimate.pose {
-                draw(&pose.values, ESTIMATE);
+                draw(&pose.values, ESTIMATED);
             }
             above.push(Panel::Depth(DepthPanel {
                 title: format!("frame {frame}"),
@@ -389,24 +387,6 @@ impl RealImages {
             columns: 1,
             size: (1100, 800),
         }
-    }
-}
-
-/// The colours of Fig. 12.
-const ENCODERS: [u8; 3] = [170, 170, 170];
-const ESTIMATE: [u8; 3] = [86, 180, 233];
-const CLOUD: [f64; 3] = [230.0, 140.0, 0.0];
-
-/// What is seen up to `far_mm` in orange, near is bright; the rest is black.
-fn cloud(depth: &DepthImage, far_mm: f64) -> Image<[u8; 3]> {
-    let pixel = |&mm: &u16| match f64::from(mm) / far_mm {
-        share if mm > 0 && share <= 1.0 => CLOUD.map(|c| (c * (1.0 - 0.8 * share)) as u8),
-        _ => [0; 3],
-    };
-    Image {
-        width: depth.width,
-        height: depth.height,
-        pixels: depth.pixels.iter().map(pixel).collect(),
     }
 }
 
