@@ -341,3 +341,68 @@ fn a_study_without_its_data_is_skipped() {
     assert!(said.contains("fig12: skipped: there is no "), "{said}");
     assert!(!repository.path("results/smoke/fig12").exists());
 }
+
+/// What was run twice is the same, and what was run with other parameters is told apart; the cache holds
+/// what was made, until nobody asks for it.
+#[test]
+fn runs_are_compared_and_the_cache_is_kept() {
+    let repository = Repository::new();
+    let run = |arguments: &[&str]| {
+        let output = repository.command(arguments).output().unwrap();
+        let said = String::from_utf8(output.stdout).unwrap();
+        (output.status.code(), said)
+    };
+    let fig7 = ["experiment", "fig7", "--profile", "smoke"];
+    for (out, more) in [
+        ("a", &[][..]),
+        ("b", &[]),
+        ("c", &["--set", "protocol.sigma=2.0"]),
+    ] {
+        assert_eq!(run(&[&fig7[..], &["--out", out], more].concat()).0, Some(0));
+    }
+    assert_eq!(
+        run(&["diff", "a", "b"]),
+        (Some(0), "fig7: the same\n".to_owned())
+    );
+    let (code, said) = run(&["diff", "a/fig7", "c/fig7"]);
+    assert_eq!(code, Some(1));
+    assert!(said.contains("protocol.sigma 1.0 -> 2.0\n"), "{said}");
+    assert!(said.contains("fig7: summary.csv changed\n"), "{said}");
+    assert_eq!(run(&["diff", "a", "nowhere"]).0, Some(2));
+
+    let (code, said) = run(&["cache", "ls"]);
+    assert!(code == Some(0) && said.contains("\npose-forest"), "{said}");
+    let (_, verified) = run(&["cache", "verify"]);
+    assert!(verified.ends_with(", 0 damaged\n"), "{verified}");
+    let set = fs::read_dir(repository.path("data/cache/data-set")).unwrap();
+    let set = set
+        .map(|entry| entry.unwrap().path())
+        .find(|p| p.join("entry.json").exists());
+    fs::write(set.unwrap().join("joints.csv"), "altered").unwrap();
+    let (code, verified) = run(&["cache", "verify"]);
+    assert_eq!(code, Some(1));
+    assert!(verified.contains("joints.csv has 7 bytes"), "{verified}");
+}
+
+#[test]
+fn the_spread_over_seeds_is_told() {
+    let repository = Repository::new();
+    let arguments = [
+        "experiment",
+        "fig7",
+        "--profile",
+        "smoke",
+        "--seeds",
+        "1..2",
+    ];
+    let output = repository.command(&arguments).output().unwrap();
+    assert!(output.status.success());
+    let spread = fs::read_to_string(repository.path("results/seeds/fig7-spread.csv")).unwrap();
+    assert!(spread.lines().count() > 2);
+    for line in spread.lines().skip(1) {
+        assert_eq!(line.split(',').rev().nth(4), Some("2"), "{line}");
+    }
+    let backwards = [&arguments[..5], &["2..1"]].concat();
+    let output = repository.command(&backwards).output().unwrap();
+    assert_eq!(output.status.code(), Some(2));
+}

@@ -1,13 +1,16 @@
 //! `armpose experiment`: list, show and run studies.
 
 use super::{cache, command_line, repository, request, say, use_threads};
-use anyhow::{Result, bail};
+use anyhow::{Context, Result, bail};
 use armpose::experiment::claims::{ClaimResult, Verdict};
+use armpose::experiment::comparison::{Numbers, spread};
 use armpose::experiment::kinds;
 use armpose::experiment::runner::Run;
 use armpose::experiment::study::{Profile, Report};
 use armpose::experiment::study_file::{self, LoadedStudy, Request};
 use armpose::experiment::table::Table;
+use std::collections::BTreeMap;
+use std::ops::RangeInclusive;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
@@ -41,7 +44,11 @@ pub struct Arguments {
     /// Master seed of all random choices
     #[arg(long, default_value_t = 1)]
     seed: u64,
-    /// Where the results go [default: results/<PROFILE>, or results/custom with --set or --seed]
+    /// Run with each seed from FIRST to LAST; the spread of every number goes to <STUDY>-spread.csv
+    #[arg(long, value_name = "FIRST..LAST", value_parser = seeds, conflicts_with_all = ["seed", "plan"])]
+    seeds: Option<RangeInclusive<u64>>,
+    /// Where the results go [default: results/<PROFILE>, or results/custom with --set or --seed, or
+    /// results/seeds with --seeds]
     #[arg(long, value_name = "FOLDER")]
     out: Option<PathBuf>,
 }
@@ -78,7 +85,61 @@ fn read(request: &Request, ids: &[&str]) -> Result<Vec<LoadedStudy>> {
         .collect()
 }
 
+/// As `1..10`, both ends included.
+fn seeds(text: &str) -> Result<RangeInclusive<u64>, String> {
+    let ends = text.split_once("..");
+    let ends = ends.and_then(|(first, last)| Some((first.parse().ok()?, last.parse().ok()?)));
+    match ends {
+        Some((first, last)) if first < last => Ok(first..=last),
+        _ => Err("give the first and the last seed, such as 1..10".to_owned()),
+    }
+}
+
+/// Runs the studies with each seed, each into a folder of its own, and tells how much they differ.
+fn execute_with_seeds(
+    arguments: &Arguments,
+    request: &Request,
+    ids: &[&str],
+    seeds: RangeInclusive<u64>,
+) -> Result<()> {
+    use_threads(arguments.threads.map(usize::from))?;
+    let default = || request.root.join("results/seeds");
+    let out = arguments.out.clone().unwrap_or_else(default);
+    let mut runs: BTreeMap<String, Vec<Numbers>> = BTreeMap::new();
+    for seed in seeds {
+        let request = Request {
+            seed,
+            ..request.clone()
+        };
+        let run = Run {
+            request: &request,
+            cache: &cache(&request),
+            out: &out.join(seed.to_string()),
+            command: &command_line(),
+        };
+        run.execute(&read(&request, ids)?, |study, _, folder| {
+            let numbers = Numbers::read(&folder.join("summary.csv"))?;
+            runs.entry(study.id.clone()).or_default().push(numbers);
+            say(&format!("seed {seed}: {}\n", study.id))
+        })?;
+    }
+    for (id, runs) in &runs {
+        let (table, file) = (spread(runs), out.join(format!("{id}-spread.csv")));
+        std::fs::write(&file, table.to_csv())
+            .with_context(|| format!("cannot write {}", file.display()))?;
+        say(&format!(
+            "\n{id}\n{}\n{}\n",
+            table.to_text(),
+            file.display()
+        ))?;
+    }
+    Ok(())
+}
+
 fn execute(arguments: &Arguments, request: &Request, ids: &[&str]) -> Result<()> {
+    if let Some(seeds) = arguments.seeds.clone() {
+        return execute_with_seeds(arguments, request, ids, seeds);
+    }
     use_threads(arguments.threads.map(usize::from))?;
     let studies = read(request, ids)?;
     let is_custom = !request.overrides.is_empty() || request.seed != 1;

@@ -2,8 +2,10 @@
 //! check failed, 2 a mistake of the user or a run that failed.
 
 mod bounds;
+mod cache;
 mod check;
 mod dataset;
+mod diff;
 mod estimate;
 mod evaluate;
 mod experiment;
@@ -36,6 +38,8 @@ enum Command {
     Check(check::Arguments),
     Bounds(bounds::Arguments),
     Report(report::Arguments),
+    Cache(cache::Arguments),
+    Diff(diff::Arguments),
     Dataset(dataset::Arguments),
     Robot(robot::Arguments),
     Train(train::Arguments),
@@ -49,6 +53,8 @@ pub fn main() -> ExitCode {
         Command::Check(arguments) => check::run(&arguments),
         Command::Bounds(arguments) => bounds::run(&arguments),
         Command::Report(arguments) => report::run(&arguments),
+        Command::Cache(arguments) => cache::run(&arguments),
+        Command::Diff(arguments) => diff::run(&arguments),
         Command::Dataset(arguments) => dataset::run(&arguments),
         Command::Robot(arguments) => robot::run(&arguments),
         Command::Train(arguments) => train::run(&arguments),

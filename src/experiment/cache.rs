@@ -32,6 +32,16 @@ pub enum State {
     Damaged(String),
 }
 
+/// A result in the cache, as [`Cache::kept`] lists it.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Kept {
+    pub key: Key,
+    /// Of the task that made it, and the wall-clock time that took, s; absent when its `entry.json`
+    /// cannot be read.
+    pub made: Option<(String, f64)>,
+    pub bytes: u64,
+}
+
 /// The contents of `entry.json`.
 #[derive(Debug, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -130,6 +140,44 @@ impl Cache {
     /// How long it took to make the result of `key`, s.
     pub fn seconds(&self, key: &Key) -> Result<f64> {
         Ok(read_entry(&self.folder(key))?.seconds)
+    }
+
+    /// All results, whole or not, by stage and hash.
+    pub fn kept(&self) -> Result<Vec<Kept>> {
+        let name = |path: &Path| path.file_name().map(|name| name.display().to_string());
+        let mut kept = Vec::new();
+        for stage in folders(&self.root) {
+            for folder in folders(&stage) {
+                let hash = name(&folder).and_then(|name| name.parse().ok());
+                let (Some(stage), Some(hash)) = (name(&stage), hash) else {
+                    continue;
+                };
+                let mut bytes = 0;
+                for file in files_below(&folder)? {
+                    bytes += file.metadata().map_or(0, |file| file.len());
+                }
+                kept.push(Kept {
+                    key: Key { stage, hash },
+                    made: read_entry(&folder).ok().map(|e| (e.label, e.seconds)),
+                    bytes,
+                });
+            }
+        }
+        Ok(kept)
+    }
+
+    /// Removes a result, once nobody is making it.
+    pub fn remove(&self, key: &Key) -> Result<()> {
+        let _lock = lock(
+            &self
+                .root
+                .join(&key.stage)
+                .join(format!(".{}.lock", key.hash)),
+        )?;
+        if let Ok(mut checked) = self.checked.lock() {
+            checked.remove(key);
+        }
+        remove_folder(&self.folder(key))
     }
 
     /// Throws away what killed processes have left, so long as nobody is working on it.
@@ -327,6 +375,30 @@ mod tests {
             [4]
         );
         again.make(&recipe, "two", |_| bail!("not needed")).unwrap();
+    }
+
+    #[test]
+    fn what_is_kept_is_listed_and_can_be_removed() {
+        let folder = tempfile::tempdir().unwrap();
+        let cache = Cache::new(folder.path());
+        assert_eq!(cache.kept().unwrap(), []);
+        let recipes = [recipe(json!({ "x": 1 })), recipe(json!({ "x": 2 }))];
+        for recipe in &recipes {
+            cache.make(recipe, "two", write_two).unwrap();
+        }
+        fs::remove_file(cache.folder(&recipes[1].key()).join(ENTRY)).unwrap();
+        let mut keys: Vec<Key> = recipes.iter().map(Recipe::key).collect();
+        keys.sort();
+        let kept = cache.kept().unwrap();
+        assert!(kept.iter().map(|k| &k.key).eq(&keys));
+        for one in &kept {
+            let is_whole = one.key == recipes[0].key();
+            assert_eq!(one.made.is_some(), is_whole);
+            assert_eq!(one.bytes == 4, !is_whole);
+        }
+        cache.remove(&recipes[0].key()).unwrap();
+        assert_eq!(cache.state(&recipes[0].key()), State::Missing);
+        assert_eq!(cache.kept().unwrap().len(), 1);
     }
 
     #[test]

@@ -16,6 +16,7 @@
 pub mod bounds;
 pub mod cache;
 pub mod claims;
+pub mod comparison;
 pub mod figure;
 pub mod manifest;
 pub mod plan;

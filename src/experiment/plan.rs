@@ -71,6 +71,18 @@ impl Plan {
         Ok(())
     }
 
+    /// The keys of tasks and of all that they rest on, cached or not.
+    pub fn keys(wanted: &[Arc<dyn Task>], cook: &Cook) -> Result<BTreeSet<Key>> {
+        let mut keys = BTreeSet::new();
+        let mut open: Vec<Arc<dyn Task>> = wanted.to_vec();
+        while let Some(task) = open.pop() {
+            if keys.insert(cook.recipe(&*task)?.key()) {
+                open.extend(task.inputs());
+            }
+        }
+        Ok(keys)
+    }
+
     fn to_run(&self) -> impl Iterator<Item = &Planned> {
         self.tasks.iter().filter(|t| t.state != State::Ready)
     }

@@ -24,6 +24,14 @@ impl Hash {
     }
 }
 
+impl std::str::FromStr for Hash {
+    type Err = blake3::HexError;
+
+    fn from_str(text: &str) -> Result<Hash, Self::Err> {
+        Ok(Hash(blake3::Hash::from_hex(text)?.to_hex().to_string()))
+    }
+}
+
 impl std::fmt::Display for Hash {
     fn fmt(&self, f: &mut std::fmt::Formatter) -> std::fmt::Result {
         f.write_str(&self.0)

@@ -4,11 +4,12 @@ use super::cache::Cache;
 use super::manifest::{Machine, Manifest, Output};
 use super::plan::Plan;
 use super::progress::Display;
-use super::recipe::{Cook, Hash};
+use super::recipe::{Cook, Hash, Key};
 use super::study::Report;
 use super::study_file::{LoadedStudy, Request};
 use super::task::Task;
 use anyhow::{Context, Result, ensure};
+use std::collections::BTreeSet;
 use std::fs;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -30,12 +31,22 @@ impl Run<'_> {
         self.plan_with(&Cook::new(&self.request.root), studies)
     }
 
+    /// The keys of everything in the cache that the studies use.
+    pub fn keys(&self, studies: &[LoadedStudy]) -> Result<BTreeSet<Key>> {
+        let tasks = self.all_tasks(studies)?;
+        Plan::keys(&tasks, &Cook::new(&self.request.root))
+    }
+
     fn plan_with(&self, cook: &Cook, studies: &[LoadedStudy]) -> Result<Plan> {
+        Plan::new(&self.all_tasks(studies)?, cook, self.cache)
+    }
+
+    fn all_tasks(&self, studies: &[LoadedStudy]) -> Result<Vec<Arc<dyn Task>>> {
         let mut tasks = Vec::new();
         for study in studies.iter().filter(|s| s.study.missing().is_none()) {
             tasks.extend(self.tasks(study)?);
         }
-        Plan::new(&tasks, cook, self.cache)
+        Ok(tasks)
     }
 
     fn tasks(&self, study: &LoadedStudy) -> Result<Vec<Arc<dyn Task>>> {
