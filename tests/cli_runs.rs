@@ -353,11 +353,7 @@ fn runs_are_compared_and_the_cache_is_kept() {
         (output.status.code(), said)
     };
     let fig7 = ["experiment", "fig7", "--profile", "smoke"];
-    for (out, more) in [
-        ("a", &[][..]),
-        ("b", &[]),
-        ("c", &["--set", "protocol.sigma=2.0"]),
-    ] {
+    for (out, more) in [("a", &[][..]), ("b", &[]), ("c", &["--seed", "2"])] {
         assert_eq!(run(&[&fig7[..], &["--out", out], more].concat()).0, Some(0));
     }
     assert_eq!(
@@ -366,7 +362,7 @@ fn runs_are_compared_and_the_cache_is_kept() {
     );
     let (code, said) = run(&["diff", "a/fig7", "c/fig7"]);
     assert_eq!(code, Some(1));
-    assert!(said.contains("protocol.sigma 1.0 -> 2.0\n"), "{said}");
+    assert!(said.contains("fig7: seed 1 -> 2\n"), "{said}");
     assert!(said.contains("fig7: summary.csv changed\n"), "{said}");
     assert_eq!(run(&["diff", "a", "nowhere"]).0, Some(2));
 
