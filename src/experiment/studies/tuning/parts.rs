@@ -178,7 +178,10 @@ impl Study for Tuning {
         }
         text.push_str(&format!("constant pose {constant:.2} deg\n"));
         let panels = SWEEPS.iter().map(|&(sweep, title, axis)| {
-            let axis = Axis::new(axis).log();
+            let axis = match sweep {
+                "longest" | "bandwidth" => Axis::new(axis),
+                _ => Axis::new(axis).log(),
+            };
             panel(title, axis, &trials, sweep, constant)
         });
         let figure = Figure {
