@@ -51,6 +51,8 @@ fn a_forest_knows_the_images_it_was_trained_on() {
     assert!(EstimatesTask::new(forest.clone(), vec![3], 1.0, 5, 1).is_err());
     let estimates = EstimatesTask {
         forest: forest.clone(),
+        set: set.clone(),
+        sight: Sight::WHOLE,
         images: (0..IMAGES).collect(),
         sigma: 1.0,
         trees: 5,
