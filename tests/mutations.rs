@@ -1,0 +1,318 @@
+//! Files of every format, mutated at random: each is read or refused with a message, and nothing panics or
+//! hangs. A blink of it here; `ARMPOSE_FUZZ_SECONDS=600 cargo test --test mutations` goes on for ten minutes
+//! a format, with other mutations for other numbers. (`fuzz/` has targets that are guided by coverage.)
+
+use armpose::camera::depth_file::{MILLIMETRE, read_depth_file};
+use armpose::camera::png::{read_labels, write_depth, write_labels};
+use armpose::camera::{Camera, Image, Intrinsics};
+use armpose::dataset::{RealFrames, SetSpec, generate};
+use armpose::forest::pose_forest::PoseForest;
+use armpose::model::Model;
+use armpose::model::training::{ModelSpec, train};
+use armpose::random::{Stream, below, stream};
+use armpose::robot::Robot;
+use armpose::scene::{Rig, inspect::remarks};
+use std::error::Error;
+use std::fs;
+use std::path::{Path, PathBuf};
+use std::time::{Duration, Instant};
+
+/// What a format's grammar is made of, or what arithmetic stumbles over.
+const WORDS: &[&str] = &[
+    "1e300",
+    "-1",
+    "0",
+    "nan",
+    "inf",
+    "1e-300",
+    "99999999999",
+    "-9223372036854775808",
+    "\"",
+    "'",
+    "=",
+    "[",
+    "]",
+    "{",
+    "}",
+    "<",
+    ">",
+    "/>",
+    "#",
+    ".",
+    ",",
+    "\n",
+    "<!--",
+    "-->",
+    "<!DOCTYPE ",
+    "&lt;",
+    "<link name=\"a\"/>",
+    "<joint name=\"j\" type=\"continuous\">",
+    "</joint>",
+    "floating",
+    "prismatic",
+    "<mimic joint=\"shoulder\" multiplier=\"1e5\"/>",
+    "<origin xyz=\"1 2 3\" rpy=\"1 2 3\"/>",
+    "<sphere radius=\"1\"/>",
+    "<mesh filename=\"x.stl\"/>",
+    "facet",
+    "vertex",
+    "endloop",
+    "f 1 2 3",
+    "<polylist count=\"",
+    "<float_array count=\"",
+    "'descr'",
+    "'<f8'",
+    "(16, 12)",
+    "true",
+    "null",
+];
+const NUMBERS: [u32; 6] = [0, 1, 255, 0x7fff_ffff, 0x8000_0000, 0xffff_ffff];
+const LONGEST: usize = 100_000;
+
+fn mutated(s: &mut Stream, seeds: &[Vec<u8>]) -> Vec<u8> {
+    let mut bytes = seeds[below(s, seeds.len())].clone();
+    for _ in 0..=below(s, 6) {
+        let at = below(s, bytes.len() + 1);
+        let to = (at + below(s, 60)).min(bytes.len());
+        match below(s, 6) {
+            0 if at < bytes.len() => bytes[at] ^= 1 << below(s, 8),
+            1 => drop(bytes.drain(at..to)),
+            2 => {
+                let part = bytes[at..to].to_vec();
+                bytes.splice(at..at, part);
+            }
+            3 => {
+                let other = &seeds[below(s, seeds.len())];
+                let from = below(s, other.len() + 1);
+                let part = other[from..(from + below(s, 300)).min(other.len())].to_vec();
+                bytes.splice(at..at, part);
+            }
+            4 => {
+                let number = NUMBERS[below(s, NUMBERS.len())].to_le_bytes();
+                let kept = bytes.iter_mut().skip(at).zip(number);
+                kept.for_each(|(byte, new)| *byte = new);
+            }
+            _ => drop(bytes.splice(at..to, WORDS[below(s, WORDS.len())].bytes())),
+        }
+    }
+    bytes.truncate(LONGEST);
+    bytes
+}
+
+type Read<'a> = &'a dyn Fn(&[u8]) -> Result<(), Box<dyn Error>>;
+
+/// Reads mutations of `seeds`, all of which are fine themselves.
+fn mutate(format: &str, seeds: Vec<Vec<u8>>, read: Read) {
+    for seed in &seeds {
+        read(seed).unwrap();
+    }
+    let seconds = std::env::var("ARMPOSE_FUZZ_SECONDS").ok();
+    let seconds: Option<u64> = seconds.and_then(|s| s.parse().ok());
+    let time = seconds.map_or(Duration::from_millis(300), Duration::from_secs);
+    let mut s = stream(seconds.unwrap_or(0), format, &[]);
+    let (begin, mut runs, mut fine, mut slowest) = (Instant::now(), 0, 0, Duration::ZERO);
+    while begin.elapsed() < time {
+        let bytes = mutated(&mut s, &seeds);
+        let start = Instant::now();
+        match read(&bytes) {
+            Ok(()) => fine += 1,
+            // A mistake in TOML is shown in its line.
+            Err(error) => assert!(error.to_string().lines().count() <= 8, "{error}"),
+        }
+        runs += 1;
+        slowest = slowest.max(start.elapsed());
+    }
+    println!("{format}: {runs} files, {fine} of them fine, the slowest in {slowest:?}");
+    assert!(runs > 0 && slowest < Duration::from_secs(20));
+}
+
+fn here(path: &str) -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join(path)
+}
+
+fn bytes(path: &Path) -> Vec<u8> {
+    fs::read(path).unwrap()
+}
+
+#[test]
+fn robots() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("robot.urdf");
+    let seeds = ["planar_arm", "gripper_arm"]
+        .map(|robot| bytes(&here(&format!("tests/fixtures/robots/{robot}/arm.urdf"))));
+    mutate("urdf", seeds.to_vec(), &|bytes| {
+        fs::write(&path, bytes)?;
+        let robot = Robot::from_urdf(&path)?;
+        let poses = robot.forward_kinematics(&robot.rest());
+        assert!(
+            poses
+                .iter()
+                .all(|p| p.translation.vector.norm().is_finite())
+        );
+        let _ = remarks(&robot);
+        Ok(())
+    });
+}
+
+#[test]
+fn meshes() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = |name: &str| folder.path().join(name);
+    let kinds = ["stl", "obj", "dae"];
+    for kind in kinds {
+        let urdf = format!(
+            "<robot name=\"r\"><link name=\"a\"><visual><geometry><mesh filename=\"mesh.{kind}\"/>\
+             </geometry></visual></link></robot>"
+        );
+        fs::write(at(&format!("{kind}.urdf")), urdf).unwrap();
+    }
+    let ascii = "solid a\nfacet normal 0 0 1\nouter loop\nvertex 0 0 0\nvertex 1 0 0\nvertex 0 1 0\n\
+                 endloop\nendfacet\nendsolid a\n";
+    let obj =
+        "v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nf 1 2 3\nf 1 2 4\nf 1 3 4 2\n";
+    let dae = "<?xml version=\"1.0\"?><COLLADA xmlns=\"http://www.collada.org/2005/11/COLLADASchema\" \
+        version=\"1.4.1\"><asset><unit meter=\"1\"/><up_axis>Z_UP</up_axis></asset><library_geometries>\
+        <geometry id=\"g\"><mesh><source id=\"p\"><float_array id=\"pa\" count=\"9\">0 0 0 1 0 0 0 1 0\
+        </float_array><technique_common><accessor source=\"#pa\" count=\"3\" stride=\"3\"><param name=\"X\" \
+        type=\"float\"/><param name=\"Y\" type=\"float\"/><param name=\"Z\" type=\"float\"/></accessor>\
+        </technique_common></source><vertices id=\"v\"><input semantic=\"POSITION\" source=\"#p\"/>\
+        </vertices><triangles count=\"1\"><input semantic=\"VERTEX\" source=\"#v\" offset=\"0\"/>\
+        <p>0 1 2</p></triangles></mesh></geometry></library_geometries><library_visual_scenes>\
+        <visual_scene id=\"s\"><node><instance_geometry url=\"#g\"/></node></visual_scene>\
+        </library_visual_scenes><scene><instance_visual_scene url=\"#s\"/></scene></COLLADA>";
+    let binary = bytes(&here("data/robots/arm/meshes/torso.stl"));
+    // The first byte says which kind a file is.
+    let seed = |kind: u8, bytes: &[u8]| [&[kind], bytes].concat();
+    let seeds = vec![
+        seed(0, &binary),
+        seed(0, ascii.as_bytes()),
+        seed(1, obj.as_bytes()),
+        seed(2, dae.as_bytes()),
+    ];
+    mutate("mesh", seeds, &|bytes| {
+        let (first, rest) = bytes.split_first().unwrap_or((&0, &[]));
+        let kind = kinds[usize::from(*first) % kinds.len()];
+        fs::write(at(&format!("mesh.{kind}")), rest)?;
+        let robot = Robot::from_urdf(&at(&format!("{kind}.urdf")))?;
+        let _ = robot.links[0].mesh.components();
+        Ok(())
+    });
+}
+
+const CAMERA: Intrinsics = Intrinsics {
+    width: 16,
+    height: 12,
+    fx: 10.0,
+    fy: 10.0,
+    cx: 8.0,
+    cy: 6.0,
+};
+
+fn image<T: Clone>(value: T) -> Image<T> {
+    Image {
+        width: 16,
+        height: 12,
+        pixels: vec![value; 16 * 12],
+    }
+}
+
+#[test]
+fn images() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = |name: &str| folder.path().join(name);
+    write_depth(&at("depth.png"), &image(1500)).unwrap();
+    write_labels(&at("labels.png"), &image(3)).unwrap();
+    let npy = |descr: &str, values: Vec<u8>| {
+        let header =
+            format!("{{'descr': '{descr}', 'fortran_order': False, 'shape': (12, 16), }}\n");
+        let mut bytes = b"\x93NUMPY\x01\x00".to_vec();
+        bytes.extend((header.len() as u16).to_le_bytes());
+        bytes.extend(header.as_bytes());
+        bytes.extend(values);
+        bytes
+    };
+    let seed = |kind: u8, bytes: &[u8]| [&[kind], bytes].concat();
+    let seeds = vec![
+        seed(0, &bytes(&at("depth.png"))),
+        seed(1, &bytes(&at("labels.png"))),
+        seed(2, &npy("<u2", 1500u16.to_le_bytes().repeat(192))),
+        seed(2, &npy("<f4", 1.5f32.to_le_bytes().repeat(192))),
+        seed(2, &npy("<f8", 1.5f64.to_le_bytes().repeat(192))),
+    ];
+    mutate("image", seeds, &|bytes| {
+        let (kind, rest) = bytes.split_first().unwrap_or((&0, &[]));
+        let path = at(["a.png", "b.png", "c.npy"][usize::from(*kind) % 3]);
+        fs::write(&path, rest)?;
+        match kind % 3 {
+            1 => drop(read_labels(&path, &CAMERA)?),
+            _ => drop(read_depth_file(&path, &CAMERA, MILLIMETRE)?),
+        }
+        Ok(())
+    });
+}
+
+#[test]
+fn models() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = |name: &str| folder.path().join(name);
+    let mut spec = SetSpec::read(&here("tests/fixtures/robots/planar_arm/set.toml")).unwrap();
+    spec.images = 6;
+    let set = generate(&spec, 1, &at("set"), &|_| ()).unwrap();
+    let rig = Rig::read(&spec.robot_path()).unwrap();
+    let mut training = ModelSpec::of_paper(160);
+    for forest in training.segmentation.iter_mut().chain([&mut training.pose]) {
+        (forest.foreground, forest.background) = (40, 20);
+        forest.forest.trees = 2;
+    }
+    let model = train(&set, (&rig, &spec.robot_path()), &training, &|_| ()).unwrap();
+    model.save(&at("model")).unwrap();
+    let forest = bytes(&at("model/pose.bin"));
+    let record = bytes(&at("model/model.json"));
+    // The hash at a forest's end is put right, or nothing else would ever be looked at.
+    let (forest, _) = forest.split_at(forest.len() - 32);
+    let seeds = vec![[&[0], forest].concat(), [&[1], &record[..]].concat()];
+    mutate("model", seeds, &|bytes| {
+        let (kind, rest) = bytes.split_first().unwrap_or((&0, &[]));
+        if kind % 2 == 0 {
+            let hash = blake3::hash(rest);
+            fs::write(at("forest.bin"), [rest, hash.as_bytes()].concat())?;
+            PoseForest::load(&at("forest.bin"))?;
+        } else {
+            fs::write(at("model/model.json"), rest)?;
+            Model::load(&at("model"))?;
+        }
+        Ok(())
+    });
+}
+
+#[test]
+fn specifications() {
+    let folder = tempfile::tempdir().unwrap();
+    let planar = folder.path().join("planar_arm");
+    fs::create_dir(&planar).unwrap();
+    let robots = here("tests/fixtures/robots");
+    fs::copy(robots.join("planar_arm/arm.urdf"), planar.join("arm.urdf")).unwrap();
+    let real = "{\"joint_names\": [\"a\"], \"width\": 4, \"height\": 3, \"fx\": 5.0, \"fy\": 5.5, \
+                \"cx\": 1.5, \"cy\": 1.0, \"frames\": [{\"depth\": \"0.png\", \"q\": [0.1]}]}";
+    let files = [
+        "planar_arm/set.toml",
+        "planar_arm/robot.toml",
+        "camera.toml",
+    ];
+    let files = files.map(|file| bytes(&robots.join(file)));
+    let files = [&files[..], &[real.as_bytes().to_vec()]].concat();
+    let seeds = files.iter().zip(0u8..);
+    let seeds = seeds.map(|(bytes, kind)| [&[kind], &bytes[..]].concat());
+    mutate("specification", seeds.collect(), &|bytes| {
+        let (kind, rest) = bytes.split_first().unwrap_or((&0, &[]));
+        let path = planar.join("file.toml");
+        fs::write(&path, rest)?;
+        match kind % 4 {
+            0 => drop(SetSpec::read(&path)?),
+            1 => drop(Rig::read(&path)?),
+            2 => drop(Camera::read(&path)?),
+            _ => drop(RealFrames::read(&path)?),
+        }
+        Ok(())
+    });
+}
