@@ -71,7 +71,7 @@ const LONGEST: usize = 100_000;
 
 fn mutated(s: &mut Stream, seeds: &[Vec<u8>]) -> Vec<u8> {
     let mut bytes = seeds[below(s, seeds.len())].clone();
-    for _ in 0..=below(s, 6) {
+    for _ in 0..=below(s, 4) {
         let at = below(s, bytes.len() + 1);
         let to = (at + below(s, 60)).min(bytes.len());
         match below(s, 6) {
