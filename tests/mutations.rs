@@ -14,6 +14,7 @@ use armpose::robot::Robot;
 use armpose::scene::{Rig, inspect::remarks};
 use std::error::Error;
 use std::fs;
+use std::panic::{self, AssertUnwindSafe};
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
@@ -114,7 +115,14 @@ fn mutate(format: &str, seeds: Vec<Vec<u8>>, read: Read) {
     while begin.elapsed() < time {
         let bytes = mutated(&mut s, &seeds);
         let start = Instant::now();
-        match read(&bytes) {
+        let result = panic::catch_unwind(AssertUnwindSafe(|| read(&bytes)));
+        let result = result.unwrap_or_else(|cause| {
+            let kept = Path::new(env!("CARGO_TARGET_TMPDIR")).join(format);
+            fs::write(&kept, &bytes).unwrap();
+            println!("{} does it", kept.display());
+            panic::resume_unwind(cause)
+        });
+        match result {
             Ok(()) => fine += 1,
             // A mistake in TOML is shown in its line.
             Err(error) => assert!(error.to_string().lines().count() <= 8, "{error}"),
@@ -168,8 +176,7 @@ fn meshes() {
     }
     let ascii = "solid a\nfacet normal 0 0 1\nouter loop\nvertex 0 0 0\nvertex 1 0 0\nvertex 0 1 0\n\
                  endloop\nendfacet\nendsolid a\n";
-    let obj =
-        "v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nf 1 2 3\nf 1 2 4\nf 1 3 4 2\n";
+    let obj = "v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nf 1 2 3\nf 1 2 4\nf 1 3 4 2\n";
     let dae = "<?xml version=\"1.0\"?><COLLADA xmlns=\"http://www.collada.org/2005/11/COLLADASchema\" \
         version=\"1.4.1\"><asset><unit meter=\"1\"/><up_axis>Z_UP</up_axis></asset><library_geometries>\
         <geometry id=\"g\"><mesh><source id=\"p\"><float_array id=\"pa\" count=\"9\">0 0 0 1 0 0 0 1 0\

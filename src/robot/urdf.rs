@@ -4,7 +4,9 @@ use super::{Joint, Link, Mesh, Mimic, Motion, Robot, solids};
 use nalgebra::{Isometry3, Translation3, Unit, UnitQuaternion, Vector3};
 use std::collections::BTreeMap;
 use std::f64::consts::PI;
+use std::panic::{self, AssertUnwindSafe};
 use std::path::{Path, PathBuf};
+use std::sync::{Mutex, PoisonError};
 use urdf_rs::{Geometry, JointType};
 
 /// A mesh larger than this (m) is taken for one in millimetres.
@@ -355,11 +357,25 @@ fn scaled(mut mesh: Mesh, scale: [f64; 3]) -> Mesh {
     mesh
 }
 
+/// Runs a reader that is not ours and panics on some broken files: then nothing is returned, and nothing
+/// printed.
+fn guarded<T>(read: impl FnOnce() -> T) -> Option<T> {
+    // The hook that prints is the whole program's; whoever panics elsewhere meanwhile is silent, too.
+    static ALONE: Mutex<()> = Mutex::new(());
+    let _alone = ALONE.lock().unwrap_or_else(PoisonError::into_inner);
+    let hook = panic::take_hook();
+    panic::set_hook(Box::new(|_| ()));
+    let result = panic::catch_unwind(AssertUnwindSafe(read));
+    panic::set_hook(hook);
+    result.ok()
+}
+
 /// Reads a mesh file as one welded mesh; the error says why not.
 fn read_mesh(uri: &str, folder: &Path) -> Result<Mesh, String> {
     let path = find_file(uri, folder)?;
-    let file = within_bounds(&path)
-        .and_then(|()| mesh_loader::Loader::default().load(&path))
+    let load = |()| mesh_loader::Loader::default().load(&path);
+    let file = guarded(|| within_bounds(&path).and_then(load))
+        .ok_or("it is broken in a way that its reader does not know")?
         .map_err(|e| one_line(&e))?;
     let mut mesh = Mesh::default();
     for part in file.meshes {
