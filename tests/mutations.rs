@@ -1,6 +1,6 @@
 //! Files of every format, mutated at random: each is read or refused with a message, and nothing panics or
 //! hangs. A blink of it here; `ARMPOSE_FUZZ_SECONDS=600 cargo test --test mutations` goes on for ten minutes
-//! a format, with other mutations for other numbers. (`fuzz/` has targets that are guided by coverage.)
+//! a format, with other mutations for other numbers.
 
 use armpose::camera::depth_file::{MILLIMETRE, read_depth_file};
 use armpose::camera::png::{read_labels, write_depth, write_labels};

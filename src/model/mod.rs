@@ -26,7 +26,6 @@ use crate::forest::pose_forest::PoseForest;
 use crate::forest::segmentation_forest::SegmentationForest;
 use nalgebra::Isometry3;
 use serde::{Deserialize, Serialize};
-use std::borrow::Cow;
 use std::path::{Path, PathBuf};
 
 /// A folder that cannot be written or used as a model.
@@ -234,13 +233,12 @@ impl Model {
             (camera.width, camera.height),
             "size of the image"
         );
-        let depth = &masked(depth, |at| self.record.range.holds(depth.pixels[at]));
-        let mut left = Cow::Borrowed(depth);
+        let mut left = masked(depth, |at| self.record.range.holds(depth.pixels[at]));
         let mut sure_pixels = None;
         if let Some(forest) = &self.segmentation {
-            let found: Segmentation = segment(forest, depth, self.class);
+            let found: Segmentation = segment(forest, &left, self.class);
             let is_arm = |at: usize| usize::from(found.classes.pixels[at]) == self.class;
-            left = Cow::Owned(masked(depth, is_arm));
+            left = masked(&left, is_arm);
             sure_pixels = Some(found.sure_pixels());
         }
         let is_visible = sure_pixels.is_none_or(|n| n >= self.record.least_arm_pixels);

@@ -59,6 +59,8 @@ struct Tried {
 
 struct LearningCurve {
     specification: Specification<Parameters, Test>,
+    /// The set of the training images and that of the test images.
+    training: Arc<DataSetTask>,
     test: Arc<DataSetTask>,
     tried: Vec<Tried>,
     step: usize,
@@ -126,6 +128,7 @@ pub fn define(specification: Specification<Parameters, Test>) -> Result<Box<dyn 
     }
     Ok(Box::new(LearningCurve {
         specification,
+        training: set,
         test,
         tried,
         step,
@@ -147,10 +150,9 @@ struct Curve {
 
 impl Study for LearningCurve {
     fn tasks(&self) -> Result<Vec<Arc<dyn Task>>> {
-        let mut tasks: Vec<Arc<dyn Task>> = vec![self.test.clone()];
+        let mut tasks: Vec<Arc<dyn Task>> = vec![self.training.clone(), self.test.clone()];
         for (_, task) in self.tried.iter().flat_map(|tried| &tried.estimates) {
             tasks.push(task.clone());
-            tasks.push(task.forest.set.clone());
         }
         Ok(tasks)
     }
@@ -159,11 +161,11 @@ impl Study for LearningCurve {
         let (rig, arm) = self.test.rig()?;
         let ruler = Ruler::new(&rig, arm)?;
         let test = DataSet::open(&done(&*self.test)?)?;
+        let training = DataSet::open(&done(&*self.training)?)?;
         let mut curves = Vec::new();
         let mut constant = Vec::new();
         for tried in &self.tried {
             for (segmentation, task) in &tried.estimates {
-                let training = DataSet::open(&done(&*task.forest.set)?)?;
                 let poses = task.forest.images.iter().map(|&image| training.pose(image));
                 let mean_pose = mean_pose(poses, training.circular());
                 let mut curve = Curve {
