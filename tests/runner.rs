@@ -178,6 +178,7 @@ impl Study for Means {
             text: data.to_text(),
             summary: data.clone(),
             data,
+            tables: Vec::new(),
             figures: vec![(self.id.clone(), figure)],
             claims: self.claims.iter().map(verdict).collect(),
         })

@@ -180,6 +180,12 @@ pub const PALETTE: [(u8, u8, u8); 8] = [
 const OVERSAMPLING: usize = 2;
 
 impl Figure {
+    /// Whether no panel has axes.
+    pub fn is_of_images(&self) -> bool {
+        let is_plot = |panel: &Panel| matches!(panel, Panel::Plot(_));
+        !self.panels.iter().any(is_plot)
+    }
+
     /// An SVG document.
     pub fn svg(&self) -> Result<String, FigureError> {
         let mut text = String::new();

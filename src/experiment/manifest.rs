@@ -1,9 +1,11 @@
 //! `manifest.json`: how results came about. Times and machines stand here, and nowhere else but in
 //! the results of studies that measure time.
 
+use super::figure::Figure;
 use super::plan::TaskRecord;
 use super::recipe::Hash;
 use super::runner::Run;
+use super::study::Report;
 use super::study_file::LoadedStudy;
 use anyhow::{Context, Result};
 use serde::Serialize;
@@ -30,6 +32,7 @@ pub struct Manifest {
     peak_megabytes: Option<f64>,
     tasks: Vec<TaskRecord>,
     outputs: Vec<Output>,
+    figures: Vec<Caption>,
 }
 
 #[derive(Debug, Serialize)]
@@ -49,6 +52,15 @@ pub struct Output {
     pub name: String,
     pub bytes: usize,
     pub blake3: Hash,
+}
+
+/// What the pictures show, for those who cannot see them.
+#[derive(Debug, Serialize)]
+struct Caption {
+    /// Of the files, without extension.
+    name: String,
+    title: String,
+    caption: String,
 }
 
 /// The program and what it runs on. Unknown things are null.
@@ -99,7 +111,13 @@ impl Manifest {
         (started, wall): (SystemTime, Duration),
         tasks: Vec<TaskRecord>,
         outputs: Vec<Output>,
+        report: &Report,
     ) -> Result<Manifest> {
+        let caption = |(name, figure): &(String, Figure)| Caption {
+            name: name.clone(),
+            title: figure.title.clone(),
+            caption: figure.caption.clone(),
+        };
         let path = run.request.root.join(&study.file);
         let blake3 = Hash::of_file(&path);
         Ok(Manifest {
@@ -122,6 +140,7 @@ impl Manifest {
             peak_megabytes: field("/proc/self/status", "VmHWM").and_then(|t| megabytes(&t)),
             tasks,
             outputs,
+            figures: report.figures.iter().map(caption).collect(),
         })
     }
 }

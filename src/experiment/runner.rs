@@ -106,6 +106,7 @@ impl Run<'_> {
                 (started, clock.elapsed()),
                 tasks,
                 outputs.collect(),
+                &report,
             )?;
             files.push((
                 "manifest.json".to_owned(),
@@ -160,8 +161,13 @@ fn render(id: &str, report: &Report) -> Result<Vec<(String, Vec<u8>)>> {
         ("summary.csv".to_owned(), report.summary.to_csv()),
         ("claims.json".to_owned(), claims),
     ];
+    for (name, table) in &report.tables {
+        files.push((format!("{name}.csv"), table.to_csv()));
+    }
     for (name, figure) in &report.figures {
-        files.push((format!("{name}.svg"), figure.svg()?.into_bytes()));
+        if name == id || !figure.is_of_images() {
+            files.push((format!("{name}.svg"), figure.svg()?.into_bytes()));
+        }
         files.push((format!("{name}.png"), figure.png()?));
     }
     Ok(files)

@@ -33,7 +33,10 @@ pub struct Report {
     pub data: Table,
     /// One row for each condition. `summary.csv`.
     pub summary: Table,
-    /// Names and figures. The first is named like the study.
+    /// Names and tables of what else is worth reading: `<name>.csv`.
+    pub tables: Vec<(String, Table)>,
+    /// Names and figures. The first is named like the study; of others that hold nothing but images there
+    /// is only a PNG, since an SVG would hold the same pixels.
     pub figures: Vec<(String, Figure)>,
     /// `claims.json`.
     pub claims: Vec<ClaimResult>,

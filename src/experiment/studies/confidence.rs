@@ -170,6 +170,7 @@ impl Study for ConfidenceStudy {
             data: data(&all),
             text: summary.to_text(),
             summary,
+            tables: Vec::new(),
             figures: vec![(self.specification.id.clone(), self.figure(&all))],
             claims: claims.map(|claim| self.judge(claim, &all)).collect(),
         })

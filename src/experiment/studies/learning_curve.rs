@@ -198,6 +198,7 @@ impl Study for LearningCurve {
             data: data(&curves),
             text: summary.to_text(),
             summary,
+            tables: Vec::new(),
             figures: vec![(
                 self.specification.id.clone(),
                 self.figure(&curves, mean(&constant)),

@@ -204,6 +204,7 @@ impl Study for MapQuality {
             data: data(&candidates),
             text: summary.to_text(),
             summary,
+            tables: Vec::new(),
             figures: vec![(self.specification.id.clone(), self.figure(&candidates))],
             claims: claims
                 .map(|claim| self.judge(claim, &candidates))

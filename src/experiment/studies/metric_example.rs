@@ -165,6 +165,7 @@ impl Study for MetricExample {
             data,
             text: summary.to_text(),
             summary,
+            tables: Vec::new(),
             figures: vec![(
                 self.specification.id.clone(),
                 self.figure(&arm, &poses, set.circular(), &observed)?,

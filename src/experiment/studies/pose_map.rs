@@ -131,6 +131,7 @@ impl Study for PoseMapStudy {
             data,
             text: summary.to_text(),
             summary,
+            tables: Vec::new(),
             figures: vec![(self.specification.id.clone(), self.figure(&set, points)?)],
             claims: claims
                 .map(|claim| self.judge(claim, &near[1].1, &near[2].1))

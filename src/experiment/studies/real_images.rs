@@ -218,6 +218,7 @@ impl Study for RealImages {
             data: data(ruler.joints(), &methods),
             text: summary.to_text(),
             summary,
+            tables: Vec::new(),
             figures: vec![
                 (
                     self.specification.id.clone(),

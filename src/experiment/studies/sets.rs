@@ -132,6 +132,7 @@ impl Study for Sets {
             data: data(&sets, &counts)?,
             text: summary.to_text(),
             summary,
+            tables: Vec::new(),
             figures,
             claims: claims.collect::<Result<_>>()?,
         })

@@ -174,6 +174,7 @@ impl Study for ThresholdSweep {
         Ok(Report {
             text: text.collect(),
             summary: self.summary(&sweeps),
+            tables: Vec::new(),
             figures: vec![(self.specification.id.clone(), self.figure(&sweeps, floor))],
             claims: claims
                 .map(|claim| {

@@ -210,6 +210,7 @@ impl Study for TrainingTime {
             data: self.data(&times, &rows),
             text: format!("{}\n{}\n", summary.to_text().trim_end(), self.check(&times)),
             summary,
+            tables: Vec::new(),
             figures: vec![(self.specification.id.clone(), self.figure(&times, &rows))],
             claims: claims.map(|claim| judge(claim, &rows)).collect(),
         })

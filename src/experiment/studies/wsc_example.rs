@@ -91,6 +91,7 @@ impl Study for WscExample {
             data: data(example),
             text: summary.to_text(),
             summary,
+            tables: Vec::new(),
             figures: vec![(self.specification.id.clone(), self.figure(example, &rows))],
             claims: claims.map(|claim| self.judge(claim, &nodes)).collect(),
         })

@@ -1,8 +1,10 @@
 //! Training objectives compared by cross-validation (section IV-D, Fig. 9).
 
+mod images;
 pub mod report;
 pub mod verdicts;
 
+use crate::dataset::DataSet;
 use crate::experiment::protocol::{
     CrossValidation, FLOOR_COLOUR, Outcome, PoseError, Protocol, Ruler, colour, step_of,
 };
@@ -13,7 +15,7 @@ use crate::experiment::task::Task;
 use crate::experiment::tasks::estimates::EstimatesTask;
 use crate::experiment::tasks::sight::SegmentationKind;
 use crate::forest::objective::ObjectiveKind;
-use anyhow::{Result, bail};
+use anyhow::{Context, Result, bail};
 use serde::{Deserialize, Serialize};
 use std::sync::Arc;
 pub use verdicts::Test;
@@ -30,6 +32,10 @@ pub struct Parameters {
     pub segmentation_study: String,
     /// The relative threshold of eq. 12.
     pub t_r: f64,
+    /// The method, as claims call it, whose best, median and worst image are shown; none if it is not
+    /// among those compared.
+    #[serde(default)]
+    pub shown: String,
     pub protocol: Protocol,
 }
 
@@ -61,8 +67,12 @@ pub fn define(specification: Specification<Parameters, Test>) -> Result<Box<dyn 
         segmentation,
         segmentation_study,
         t_r,
+        shown,
         protocol,
     } = &specification.parameters;
+    if !shown.is_empty() {
+        verdicts::known(shown).context("`shown`")?;
+    }
     if objectives.is_empty() || segmentation.is_empty() {
         bail!("`objectives` and `segmentation` must name at least one each");
     }
@@ -202,6 +212,7 @@ impl Study for CrossValidationStudy {
                 results: Tested::all(&outcomes, &ruler, chosen),
             });
         }
-        self.report_on(&methods, ruler.joints())
+        let set = DataSet::open(&done(&*self.validation.set)?)?;
+        self.report_on(&methods, ruler.joints(), (&set, &rig))
     }
 }

@@ -1,12 +1,15 @@
 //! Tables and figure of the comparison.
 
-use super::{CrossValidationStudy, Method, Tested};
+use super::images::best_median_worst;
+use super::{CrossValidationStudy, Method, Parameters, Tested};
+use crate::dataset::DataSet;
 use crate::experiment::figure::{Axis, Figure, Mark, Panel, Plot, Shape};
 use crate::experiment::protocol::{PoseError, Protocol};
 use crate::experiment::statistics::{mean, quantile, standard_deviation};
 use crate::experiment::study::Report;
 use crate::experiment::table::{Cell, Table};
 use crate::experiment::tasks::sight::SegmentationKind;
+use crate::scene::Rig;
 use anyhow::Result;
 
 /// What is measured.
@@ -45,21 +48,41 @@ const ANGLES: std::ops::Range<usize> = 0..4;
 const DISTANCES: std::ops::Range<usize> = 4..6;
 
 impl CrossValidationStudy {
-    pub(super) fn report_on(&self, methods: &[Method], joints: &[&str]) -> Result<Report> {
+    pub(super) fn report_on(
+        &self,
+        methods: &[Method],
+        joints: &[&str],
+        (set, rig): (&DataSet, &Rig),
+    ) -> Result<Report> {
         let measures = measures(joints);
+        let Parameters {
+            segmentation,
+            shown,
+            ..
+        } = &self.specification.parameters;
+        let mut figures = vec![(
+            self.specification.id.clone(),
+            self.figure(methods, &measures),
+        )];
+        if let Some(method) = methods.iter().find(|method| method.name() == *shown) {
+            figures.push(("images".to_owned(), best_median_worst(method, set, rig)?));
+        }
         Ok(Report {
             data: self.data(methods, joints),
             summary: summary(methods, &measures),
-            figures: vec![(
-                self.specification.id.clone(),
-                self.figure(methods, &measures),
-            )],
+            tables: vec![
+                (
+                    "joints".to_owned(),
+                    by_joint(methods, segmentation, &measures),
+                ),
+                (
+                    "visibility".to_owned(),
+                    by_visibility(methods, segmentation, &measures),
+                ),
+            ],
+            figures,
             claims: self.verdicts(methods)?,
-            text: text(
-                methods,
-                &self.specification.parameters.segmentation,
-                &measures,
-            ),
+            text: text(methods, segmentation, &measures),
         })
     }
 
@@ -222,11 +245,16 @@ pub fn fifths(mut points: Vec<(f64, f64)>) -> Vec<(f64, f64)> {
         .collect()
 }
 
-/// Against the pixels that show the arm. A logarithmic axis has no place for none.
+/// The pixels of an image that show the arm, and its error. A logarithmic axis has no place for none.
+fn seen(tested: &Tested, of: impl Fn(&PoseError) -> f64) -> (f64, f64) {
+    (tested.outcome.visible.max(1) as f64, of(&tested.error))
+}
+
+/// Against the pixels that show the arm.
 fn visibility(kind: SegmentationKind, methods: &[Method]) -> Panel {
     let fifths = drawn(methods, kind).map(|method| {
-        let seen = |r: &Tested| (r.outcome.visible.max(1) as f64, r.error.all_deg);
-        let line = fifths(method.results.iter().map(seen).collect());
+        let images = method.results.iter().map(|r| seen(r, |e| e.all_deg));
+        let line = fifths(images.collect());
         Mark::new(method.title, method.colour, Shape::Line(line))
     });
     Panel::Plot(Plot {
@@ -263,6 +291,58 @@ fn summary(methods: &[Method], measures: &[Measure]) -> Table {
                 quantile(&images, 0.5).into(),
                 images.len().into(),
             ]);
+        }
+    }
+    table
+}
+
+/// The names of what is [`drawn`] for any way of segmentation: they have all the same objectives.
+fn columns<'a>(
+    methods: &'a [Method],
+    kinds: &'a [SegmentationKind],
+) -> impl Iterator<Item = String> + 'a {
+    let first = kinds.iter().take(1);
+    first.flat_map(|&kind| drawn(methods, kind).map(|method| method.id.to_owned()))
+}
+
+/// The mean error of each joint, in degrees: a row for each joint, a column for each method.
+fn by_joint(methods: &[Method], kinds: &[SegmentationKind], measures: &[Measure]) -> Table {
+    let methods_deg = columns(methods, kinds).map(|id| format!("{id}_deg"));
+    let place = ["segmentation", "joint"].map(str::to_owned);
+    let mut table = Table::new(place.into_iter().chain(methods_deg));
+    for &kind in kinds {
+        for Measure { name, of, .. } in &measures[DISTANCES.end..] {
+            let errors = drawn(methods, kind).map(|method| Cell::from(mean(&method.images(of))));
+            let place = [kind.id().into(), name.as_str().into()];
+            table.push(place.into_iter().chain(errors));
+        }
+    }
+    table
+}
+
+/// Mean errors by how much of the arm is seen: a row for each fifth of the images, beginning with those
+/// that show the least, with the median of its visible pixels; a column for each method.
+fn by_visibility(methods: &[Method], kinds: &[SegmentationKind], measures: &[Measure]) -> Table {
+    let place = ["segmentation", "measure", "unit", "fifth", "visible_px"].map(str::to_owned);
+    let mut table = Table::new(place.into_iter().chain(columns(methods, kinds)));
+    let told = |measure: &&Measure| matches!(&*measure.name, "all joints" | "arm joints" | "DISP");
+    for &kind in kinds {
+        for Measure { name, unit, of } in measures.iter().filter(told) {
+            let of_methods: Vec<Vec<(f64, f64)>> = drawn(methods, kind)
+                .map(|method| fifths(method.results.iter().map(|r| seen(r, of)).collect()))
+                .collect();
+            let fifths = of_methods.first().map_or(0, Vec::len);
+            for fifth in 0..fifths {
+                let place: [Cell; 5] = [
+                    kind.id().into(),
+                    name.as_str().into(),
+                    (*unit).into(),
+                    (fifth + 1).into(),
+                    of_methods[0][fifth].0.into(),
+                ];
+                let errors = of_methods.iter().map(|method| method[fifth].1.into());
+                table.push(place.into_iter().chain(errors));
+            }
         }
     }
     table

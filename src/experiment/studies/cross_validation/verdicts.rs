@@ -49,6 +49,16 @@ impl Test {
     }
 }
 
+/// Fails when no run could have a method of this name.
+pub(super) fn known(id: &str) -> Result<()> {
+    let (objective, kind) = id.split_once('/').unwrap_or((id, "none"));
+    ensure!(
+        ObjectiveKind::named(objective).is_some() && SegmentationKind::named(kind).is_some(),
+        "there is no method {id}"
+    );
+    Ok(())
+}
+
 impl CrossValidationStudy {
     pub(super) fn verdicts(&self, methods: &[Method]) -> Result<Vec<ClaimResult>> {
         let judge = |claim: &Claim<Test>| {
@@ -64,12 +74,7 @@ impl CrossValidationStudy {
         };
         let method = |id: &str| methods.iter().find(|m| m.name() == id);
         if let Some(id) = test.methods().into_iter().find(|id| method(id).is_none()) {
-            let (objective, kind) = id.split_once('/').unwrap_or((id, "none"));
-            ensure!(
-                ObjectiveKind::named(objective).is_some()
-                    && SegmentationKind::named(kind).is_some(),
-                "there is no method {id}"
-            );
+            known(id)?;
             return Ok(claim.not_checkable(&format!("this run is without {id}")));
         }
         let method = |id: &str| method(id).context("looked for above");

@@ -170,6 +170,7 @@ impl Study for Angles {
         Ok(Report {
             data: self.data(&methods, ruler.joints()),
             summary: self.summary(&methods, &measures),
+            tables: Vec::new(),
             figures: vec![(
                 self.specification.id.clone(),
                 self.figure(&methods, &measures),

@@ -152,6 +152,7 @@ impl Study for Parts {
         Ok(Report {
             data,
             summary,
+            tables: Vec::new(),
             figures: vec![(self.specification.id.clone(), self.figure(&all))],
             claims: claims
                 .map(|claim| self.judge(claim, &all))

@@ -160,6 +160,7 @@ impl Study for Runtime {
             data,
             text: summary.to_text(),
             summary,
+            tables: Vec::new(),
             figures: vec![(
                 self.specification.id.clone(),
                 self.figure(&methods, images.len()),

@@ -176,6 +176,7 @@ impl Study for Estimates {
             data,
             text: summary.to_text(),
             summary,
+            tables: Vec::new(),
             figures: vec![(self.specification.id.clone(), figure)],
             claims: claims.map(|claim| self.judge(claim, &outcomes)).collect(),
         })

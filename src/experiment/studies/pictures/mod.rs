@@ -14,8 +14,8 @@ use crate::training::seen::Seen;
 use anyhow::{Context, Result};
 
 /// The colours of the true pose and of the estimate: far apart for all readers.
-const TRUTH: [u8; 3] = [0, 114, 178];
-const ESTIMATE: [u8; 3] = [230, 159, 0];
+pub(super) const TRUTH: [u8; 3] = [0, 114, 178];
+pub(super) const ESTIMATE: [u8; 3] = [230, 159, 0];
 
 /// What a forest says of every pixel of an image, and of the image.
 struct Looked {
@@ -83,7 +83,7 @@ fn warm(x: f64) -> [u8; 3] {
 
 /// The depth image in grey, near is bright, with the arm drawn over it in given poses: filled
 /// lightly, with a strong outline.
-fn overlay(
+pub(super) fn overlay(
     title: &str,
     set: &DataSet,
     rig: &Rig,

@@ -157,6 +157,7 @@ impl Study for Pipeline {
             data,
             text: summary.to_text(),
             summary,
+            tables: Vec::new(),
             figures: vec![(self.specification.id.clone(), self.figure(done)?)],
             claims: claims.map(|claim| self.judge(claim, &times)).collect(),
         })

@@ -139,6 +139,7 @@ impl Study for Gallery {
             data,
             text: summary.to_text(),
             summary,
+            tables: Vec::new(),
             figures: vec![(self.specification.id.clone(), figure)],
             claims: claims.map(Claim::without_test).collect(),
         })

@@ -148,6 +148,7 @@ impl Study for Scores {
         Ok(Report {
             data: data(&found),
             summary: summary(&found),
+            tables: Vec::new(),
             figures: vec![(self.specification.id.clone(), self.figure(&found))],
             claims: claims
                 .map(|claim| self.judge(claim, &found))

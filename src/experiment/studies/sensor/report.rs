@@ -71,6 +71,7 @@ pub fn report(
         data: data(observations),
         text: summary.to_text(),
         summary,
+        tables: Vec::new(),
         figures: vec![(
             specification.id.clone(),
             figure(&specification.title, &conditions),

@@ -173,6 +173,7 @@ impl Study for Tuning {
         Ok(Report {
             data: data(&SETTING, &trials),
             summary: summary(&SETTING, &trials, &[choice]),
+            tables: Vec::new(),
             figures: vec![(
                 self.specification.id.clone(),
                 self.figure(&trials, constant),

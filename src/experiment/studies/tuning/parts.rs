@@ -197,6 +197,7 @@ impl Study for Tuning {
         Ok(Report {
             data: data(&COLUMNS, &trials),
             summary: summary(&COLUMNS, &trials, &choices),
+            tables: Vec::new(),
             figures: vec![(self.specification.id.clone(), figure)],
             claims: claims.map(|claim| claim.without_test()).collect(),
             text,
