@@ -402,3 +402,115 @@ fn the_spread_over_seeds_is_told() {
     let output = repository.command(&backwards).output().unwrap();
     assert_eq!(output.status.code(), Some(2));
 }
+
+/// The page of a run has every study, figure, table and claim of it, whatever they say, is well-formed, and
+/// loads nothing.
+#[test]
+fn the_page_of_a_run_is_whole_and_loads_nothing() {
+    let repository = Repository::new();
+    repository.edit("experiments/fig9.toml", "\"mspd/forest\"", "\"mspd\"");
+    let command = ["experiment", "fig7", "fig9", "--profile", "smoke"];
+    assert!(
+        repository
+            .command(&command)
+            .output()
+            .unwrap()
+            .status
+            .success()
+    );
+    let nasty = "<script>alert('1 & 2')</script> \"src=\"http://a";
+    let claims = repository.path("results/smoke/fig7/claims.json");
+    let mut told: serde_json::Value = serde_json::from_slice(&fs::read(&claims).unwrap()).unwrap();
+    told[0]["quote"] = nasty.into();
+    fs::write(&claims, told.to_string()).unwrap();
+    // A study that this repository does not know.
+    copy(
+        &repository.path("results/smoke/fig7"),
+        &repository.path("results/smoke/other"),
+    );
+    let report = [
+        "report",
+        "--html",
+        "page.html",
+        "--results",
+        "results/smoke",
+    ];
+    let output = repository.command(&report).output().unwrap();
+    assert_eq!(text(&output.stderr), "");
+    assert_eq!(text(&output.stdout), "wrote page.html\n");
+    let page = fs::read_to_string(repository.path("page.html")).unwrap();
+
+    assert_well_formed(&page);
+    assert!(!page.contains("<script") && !page.contains("@import") && !page.contains("url("));
+    for (attribute, start) in [(" src=\"", "data:image/"), (" href=\"", "#")] {
+        let targets: Vec<&str> = page.split(attribute).skip(1).collect();
+        assert!(!targets.is_empty());
+        for target in targets {
+            assert!(target.starts_with(start), "{attribute}{}", &target[..20]);
+        }
+    }
+    assert!(page.contains("&lt;script&gt;alert(&#39;1 &amp; 2&#39;)&lt;/script&gt; &quot;src="));
+    let section = |id: &str| {
+        let start = page.find(&format!("<section id=\"{id}\">")).unwrap();
+        let end = page[start..].find("</section>").unwrap();
+        &page[start..start + end]
+    };
+    let escaped = |text: &str| {
+        let text = text
+            .replace('&', "&amp;")
+            .replace('<', "&lt;")
+            .replace('>', "&gt;");
+        text.replace('"', "&quot;").replace('\'', "&#39;")
+    };
+    for (id, figures) in [("fig7", 1), ("fig9", 2), ("other", 1)] {
+        let claims = repository
+            .path("results/smoke")
+            .join(id)
+            .join("claims.json");
+        let claims: Vec<serde_json::Value> =
+            serde_json::from_slice(&fs::read(claims).unwrap()).unwrap();
+        assert!(!claims.is_empty());
+        for claim in claims {
+            let quote = escaped(claim["quote"].as_str().unwrap());
+            assert!(section(id).contains(&quote), "{id}: {quote}");
+            let above = page.find("<main>").unwrap();
+            assert!(page[..above].contains(&quote), "{id}: {quote}");
+        }
+        assert_eq!(section(id).matches("<img ").count(), figures);
+        assert!(section(id).contains("summary.csv") && section(id).contains("BLAKE3"));
+    }
+    assert!(section("fig9").contains("joints.csv") && section("fig9").contains("visibility.csv"));
+
+    let missing = ["report", "--html", "page.html", "--results", "nowhere"];
+    let output = repository.command(&missing).output().unwrap();
+    assert_eq!(output.status.code(), Some(2));
+    assert!(text(&output.stderr).starts_with("armpose: cannot read nowhere"));
+}
+
+/// Every tag that is opened is closed, the last one first, and no id is there twice.
+fn assert_well_formed(page: &str) {
+    let (mut open, mut ids) = (Vec::new(), Vec::new());
+    let body = page.split_once("</style>").unwrap().1;
+    for tag in body.split('<').skip(1) {
+        let (tag, _) = tag.split_once('>').expect("a tag ends");
+        if let Some((_, id)) = tag.split_once(" id=\"") {
+            ids.push(id.split('"').next().unwrap());
+        }
+        let name = tag.split([' ', '\n']).next().unwrap();
+        if let Some(name) = name.strip_prefix('/') {
+            let expected = open.pop();
+            // The part with the style was left out.
+            assert!(
+                expected == Some(name) || ["head", "html"].contains(&name),
+                "</{name}>"
+            );
+        } else if !["input", "img"].contains(&name) {
+            open.push(name);
+        }
+    }
+    assert!(open.is_empty(), "{open:?}");
+    let all = ids.len();
+    ids.sort();
+    ids.dedup();
+    assert_eq!(ids.len(), all);
+}
