@@ -140,7 +140,7 @@ fn a_misspelt_key_is_shown_where_it_is() {
         repository.mistake(&["experiment", "show", "fig9"]),
         format!(
             "{file}:{number}:1: unknown field `objectvies`, expected one of `objectives`, \
-             `segmentation`, `segmentation_study`, `t_r`, `protocol`; did you mean `objectives`?\n\
+             `segmentation`, `segmentation_study`, `t_r`, `shown`, `protocol`; did you mean `objectives`?\n\
              {margin} |\n{number} | objectvies = [\"mspd\"]\n{margin} | ^^^^^^^^^^\n"
         )
     );
