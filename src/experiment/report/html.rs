@@ -76,7 +76,7 @@ fn lead(chapters: &[Chapter]) -> String {
         facts.dedup();
         match facts.len() {
             0..4 => Escaped(facts.join(", ")).to_string(),
-            n => format!("{n} different, told below"),
+            n => format!("({n} different)"),
         }
     };
     let of = |verdict| count(chapters.iter().flat_map(|c| &c.results.claims), verdict);
@@ -160,7 +160,7 @@ fn badge(verdict: Verdict) -> String {
     let (sign, word) = match verdict {
         Verdict::Reproduced => ("✓", "reproduced"),
         Verdict::Partly => ("≈", "partly"),
-        Verdict::Not => ("✗", "not"),
+        Verdict::Not => ("✗", "not reproduced"),
         Verdict::NotCheckable => ("–", "not checkable"),
     };
     format!(
