@@ -16,6 +16,7 @@ impl Circular {
         Circular(places)
     }
 
+    /// Whether all values are ordinary numbers.
     pub fn is_empty(&self) -> bool {
         self.0.is_empty()
     }

@@ -48,6 +48,7 @@ impl DistanceMatrix {
         &self.values[a * self.count..(a + 1) * self.count]
     }
 
+    /// Between two. Panics beyond [`Self::count`].
     #[inline]
     pub fn get(&self, a: usize, b: usize) -> f64 {
         self.values[a * self.count + b]

@@ -22,6 +22,7 @@ const MAX_WINDOW: usize = 2000;
 /// A tree's node holds its feature in 16 bits, and the last value marks a leaf.
 const MAX_COUNT: usize = u16::MAX as usize;
 
+/// Numbers that cannot be met.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 pub enum FeatureError {
     #[error("{0} features were asked for; ask for 1 to {MAX_COUNT}")]
@@ -123,6 +124,7 @@ impl DepthFeatures {
             }
     }
 
+    /// What follows the features of eq. 4.
     pub fn extra(&self) -> Extra {
         self.extra
     }
@@ -203,6 +205,8 @@ pub struct PaddedDepth {
 }
 
 impl PaddedDepth {
+    /// A copy of an image (mm, 0 = invalid) with a border of `margin` pixels, at least
+    /// [`DepthFeatures::reach`] of the features that will look at it.
     pub fn new(image: &DepthImage, margin: usize) -> Self {
         let mut padded = Self::default();
         padded.refill(image, margin);
@@ -339,6 +343,7 @@ impl SampleMatrix {
         Ok(Self { samples, values })
     }
 
+    /// Values of a column.
     pub fn samples(&self) -> usize {
         self.samples
     }

@@ -66,6 +66,8 @@ fn the_same_bits_for_any_number_of_threads_and_images() {
         assert_eq!(few.frame(image).unwrap(), many.frame(image).unwrap());
         assert_eq!(few.record().images[image], many.record().images[image]);
     }
+    let poses: Vec<&[f64]> = (0..many.len()).map(|image| many.pose(image)).collect();
+    assert!((1..poses.len()).all(|image| !poses[..image].contains(&poses[image])));
     let other_seed = generate(&pef(1), 2, &at("seed"), &|_| {}).unwrap();
     assert_ne!(other_seed.pose(0), many.pose(0));
     let mut other_name = pef(1);

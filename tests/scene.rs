@@ -142,6 +142,22 @@ fn mistakes_in_a_robot_file_are_named() {
     ));
 }
 
+/// However the robot stands, its camera's link has the same place in the camera's frame.
+#[test]
+fn the_camera_moves_with_its_link() {
+    let rig = rig();
+    let mut s = stream(4, "camera test", &[]);
+    for _ in 0..20 {
+        let joints = rig.robot.dof_joints();
+        let q: Vec<f64> = joints.map(|_| uniform(&mut s, -1.0, 1.0)).collect();
+        let root_from_link = rig.robot.forward_kinematics(&q);
+        let camera_from_link =
+            rig.camera_from_root(&root_from_link) * root_from_link[rig.camera_link];
+        let off = camera_from_link.to_homogeneous() - rig.camera_from_link.to_homogeneous();
+        assert!(off.norm() < 1e-12, "{off}");
+    }
+}
+
 /// A configuration and the links that touch in it.
 type Collision = (Vec<f64>, (usize, usize));
 

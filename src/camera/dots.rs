@@ -23,6 +23,7 @@ pub struct DotPattern {
     fill_masks: Vec<u32>,
 }
 
+/// A dot of the pattern, in its row.
 pub struct Dot {
     pub column: usize,
     /// The dots of its window, itself included, as indices into [`window_offsets`].

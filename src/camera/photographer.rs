@@ -45,6 +45,7 @@ struct Sensor {
 }
 
 impl Photographer {
+    /// Takes the memory of a frame, and draws the dot pattern.
     pub fn new(camera: &Camera) -> Photographer {
         let intrinsics = camera.intrinsics;
         let (width, height) = (intrinsics.width, intrinsics.height);

@@ -62,6 +62,7 @@ pub enum PngError {
 /// Medians of valid depth outside this range are taken for a mistake of unit, mm.
 const PLAUSIBLE_MEDIAN: std::ops::RangeInclusive<u16> = 200..=10_000;
 
+/// Writes 16-bit PNG, mm, 0 = invalid.
 pub fn write_depth(path: &Path, image: &DepthImage) -> Result<(), PngError> {
     let bytes: Vec<u8> = image
         .pixels
@@ -71,6 +72,7 @@ pub fn write_depth(path: &Path, image: &DepthImage) -> Result<(), PngError> {
     write(path, image.width, image.height, BitDepth::Sixteen, &bytes)
 }
 
+/// Writes 8-bit PNG.
 pub fn write_labels(path: &Path, image: &LabelImage) -> Result<(), PngError> {
     write(
         path,

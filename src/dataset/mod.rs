@@ -9,7 +9,7 @@
 //!                    image where it is jittered, hashes of all files
 //! ```
 //!
-//! [`SetSpec::read`] -> [`generate`] -> [`DataSet::open`] -> [`DataSet::frame`].
+//! [`SetSpec::read`] -> [`generate`](fn@generate) -> [`DataSet::open`] -> [`DataSet::frame`].
 
 mod generate;
 mod portrait;
@@ -221,14 +221,17 @@ impl DataSet {
         self.values.len()
     }
 
+    /// Where the set lies.
     pub fn folder(&self) -> &Path {
         &self.folder
     }
 
+    /// `set.json`
     pub fn record(&self) -> &SetRecord {
         &self.record
     }
 
+    /// `camera.json`
     pub fn camera(&self) -> &CameraRecord {
         &self.camera
     }

@@ -24,6 +24,7 @@ pub struct RealFrame {
 }
 
 impl RealFrames {
+    /// Reads the file; the images are not looked at yet.
     pub fn read(path: &Path) -> Result<RealFrames, DataSetError> {
         #[derive(Deserialize)]
         struct Frame {

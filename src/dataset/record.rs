@@ -33,6 +33,7 @@ pub struct SetRecord {
     pub files: BTreeMap<String, String>,
 }
 
+/// An arm whose pose the set tells.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct ArmRecord {
     pub name: String,
@@ -43,6 +44,7 @@ pub struct ArmRecord {
     pub circular: Vec<String>,
 }
 
+/// Which link a label stands for, and the arm that it belongs to.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct LabelRecord {
     pub label: u8,
@@ -50,6 +52,7 @@ pub struct LabelRecord {
     pub arm: String,
 }
 
+/// What there is to see in an image, and how it was found.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 pub struct ImageRecord {
     /// Pixels with valid depth.

@@ -61,6 +61,7 @@ impl Default for VisibilitySpec {
 }
 
 impl SetSpec {
+    /// Reads and checks a file; its name without `.toml` becomes the name of the set.
     pub fn read(path: &Path) -> Result<Self, DataSetError> {
         let mut spec: SetSpec = strict_toml::read(path)?;
         let stem = path.file_stem().unwrap_or_default();

@@ -84,10 +84,12 @@ pub fn masked(depth: &DepthImage, kept: impl Fn(usize) -> bool) -> DepthImage {
 pub struct Confusion(pub Vec<Vec<usize>>);
 
 impl Confusion {
+    /// Of no pixels.
     pub fn new(classes: usize) -> Confusion {
         Confusion(vec![vec![0; classes]; classes])
     }
 
+    /// Adds the counts of other pixels, of the same classes.
     pub fn add(&mut self, other: &Confusion) {
         for (row, others) in self.0.iter_mut().zip(&other.0) {
             row.iter_mut().zip(others).for_each(|(sum, n)| *sum += n);

@@ -17,6 +17,7 @@ use std::sync::Mutex;
 const ENTRY: &str = "entry.json";
 const FORMAT: u32 = 1;
 
+/// A folder of results, shared by whatever processes use it at once.
 pub struct Cache {
     root: PathBuf,
     /// Results found whole by this process; they are not read again.

@@ -99,6 +99,7 @@ pub struct ClaimResult {
 }
 
 impl<T> Claim<T> {
+    /// What was found, `ours`, on `n` things (mostly images), and what follows. Numbers are rounded to six digits.
     pub fn result(&self, ours: impl Into<Scalar>, n: usize, verdict: Verdict) -> ClaimResult {
         let mut ours = ours.into();
         if let Scalar::Number(number) = ours {

@@ -15,6 +15,7 @@ use std::path::Path;
 pub struct Numbers(Vec<((String, String), f64)>);
 
 impl Numbers {
+    /// Those of a `summary.csv`. Fails when it cannot be read.
     pub fn read(summary: &Path) -> Result<Numbers> {
         let unreadable = || format!("cannot read {}", summary.display());
         let mut reader = csv::Reader::from_path(summary).with_context(unreadable)?;

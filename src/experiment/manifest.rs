@@ -15,6 +15,7 @@ use std::time::{Duration, SystemTime, UNIX_EPOCH};
 
 const FORMAT: u32 = 1;
 
+/// How the results of a study came about: `manifest.json`.
 #[derive(Debug, Serialize)]
 pub struct Manifest {
     format: u32,

@@ -16,6 +16,7 @@ pub struct Plan {
     pub tasks: Vec<Planned>,
 }
 
+/// A task of a plan.
 pub struct Planned {
     pub task: Arc<dyn Task>,
     pub recipe: Recipe,

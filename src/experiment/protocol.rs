@@ -68,6 +68,8 @@ pub struct Outcome {
 }
 
 impl CrossValidation {
+    /// With sets of images as described below `root`. Images, folds, pixels, features and trees follow from
+    /// `seed`. Fails when there are fewer images than folds, or numbers that make no sense.
     pub fn new(root: &Path, seed: u64, protocol: Protocol) -> Result<CrossValidation> {
         let Protocol {
             images,
@@ -282,6 +284,7 @@ impl<'a> Ruler<'a> {
         &self.joints
     }
 
+    /// Both poses in the order of [`Self::joints`], radians. Panics when one is of another length.
     pub fn measure(&self, truth: &[f64], estimate: &[f64]) -> PoseError {
         let pairs = truth.iter().zip(estimate);
         let joints_deg: Vec<f64> = pairs
@@ -305,8 +308,62 @@ impl<'a> Ruler<'a> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::experiment::tasks::estimates::Estimated;
     use crate::random::{stream, uniform};
     use std::f64::consts::TAU;
+
+    /// Every image is tested once, by a forest that has seen all others and learns their poses; and the
+    /// constant pose knows as much as that forest.
+    #[test]
+    fn what_tests_an_image_has_not_seen_it() {
+        const IMAGES: usize = 7;
+        let root = Path::new(env!("CARGO_MANIFEST_DIR"));
+        let protocol: Protocol = toml::from_str(
+            "set = 'pef'\nimages = 7\nfolds = 3\nsigma = 1.0\nstride = 1\n[training]\n\
+             foreground = 20\nbackground = 10\nfeatures = { count = 9, window = 50 }\n\
+             forest = { trees = 1, min_leaf = 1, features_per_node = 3, bootstrap = true }",
+        )
+        .unwrap();
+        let cross_validation = CrossValidation::new(root, 1, protocol).unwrap();
+        let tasks = cross_validation.estimates(&OBJECTIVES[0]).unwrap();
+        let folder = tempfile::tempdir().unwrap();
+        let at = |task: &dyn Task| folder.path().join(task.label());
+        let images = at(&*cross_validation.set);
+        std::fs::create_dir(&images).unwrap();
+        cross_validation.set.run(&[], &images, &|_| ()).unwrap();
+        let set = DataSet::open(&images).unwrap();
+        for task in &tasks {
+            // Estimates of nothing: the constant pose takes their place.
+            let nothing = |&image: &usize| Estimated {
+                image,
+                sure_pixels: None,
+                estimate: None,
+            };
+            let nothing: Vec<Estimated> = task.images.iter().map(nothing).collect();
+            std::fs::create_dir(at(&**task)).unwrap();
+            let file = at(&**task).join("estimates.json");
+            std::fs::write(file, serde_json::to_vec(&nothing).unwrap()).unwrap();
+
+            let samples = task.forest.samples_of(&set, None, &|_| ()).unwrap();
+            for (row, &image) in task.forest.images.iter().enumerate() {
+                assert_eq!(samples.poses.row(row), set.pose(image));
+            }
+            assert_eq!(samples.poses.targets(), task.forest.images.len());
+        }
+        let outcomes = cross_validation.outcomes(&tasks, &|task| Ok(at(task)));
+        let outcomes = outcomes.unwrap();
+        assert!(outcomes.iter().map(|o| o.image).eq(0..IMAGES));
+        for outcome in &outcomes {
+            assert_eq!(outcome.truth, set.pose(outcome.image));
+            let others = outcomes.iter().filter(|o| o.fold != outcome.fold);
+            let others: Vec<&Outcome> = others.collect();
+            assert_eq!(outcome.estimate, ImageEstimate::guess(&outcome.constant));
+            for (joint, constant) in outcome.constant.iter().enumerate() {
+                let of_others: Vec<f64> = others.iter().map(|o| o.truth[joint]).collect();
+                assert!((constant - mean(&of_others)).abs() < 1e-12);
+            }
+        }
+    }
 
     #[test]
     fn errors_of_a_pose_hang_together() {

@@ -13,10 +13,12 @@ use std::path::{Path, PathBuf};
 pub struct Hash(String);
 
 impl Hash {
+    /// Of bytes in memory.
     pub fn of(bytes: &[u8]) -> Hash {
         Hash(blake3::hash(bytes).to_hex().to_string())
     }
 
+    /// Of the contents of a file.
     pub fn of_file(path: &Path) -> std::io::Result<Hash> {
         let mut hasher = blake3::Hasher::new();
         hasher.update_reader(std::fs::File::open(path)?)?;
@@ -66,6 +68,7 @@ pub struct Key {
 }
 
 impl Recipe {
+    /// Where the result is kept. Any change of the recipe changes it.
     pub fn key(&self) -> Key {
         // A `Value` keeps its keys sorted, whatever the order of the fields above.
         let json = serde_json::json!(self).to_string();
@@ -134,6 +137,7 @@ impl Cook {
         }
     }
 
+    /// The recipe of a task, with those of its inputs below. Fails when a source file cannot be read.
     pub fn recipe(&self, task: &dyn Task) -> Result<Recipe> {
         let mut files = Vec::new();
         for path in task.files() {

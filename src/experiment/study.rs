@@ -70,6 +70,7 @@ pub enum Profile {
 }
 
 impl Profile {
+    /// As files and folders call it.
     pub fn name(self) -> &'static str {
         match self {
             Profile::Smoke => "smoke",

@@ -130,6 +130,7 @@ impl BinnedMatrix {
         self.samples = to;
     }
 
+    /// How many have been pushed.
     pub fn samples(&self) -> usize {
         self.samples
     }

@@ -14,6 +14,7 @@ use crate::random::{Stream, below, stream};
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
+/// How many trees are grown, and how far.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct GrowSpec {
@@ -79,10 +80,12 @@ impl TargetTable {
         self.width
     }
 
+    /// How many there are.
     pub fn targets(&self) -> usize {
         self.values.len() / self.width
     }
 
+    /// The values of a target.
     pub fn row(&self, target: usize) -> &[f64] {
         &self.values[target * self.width..(target + 1) * self.width]
     }

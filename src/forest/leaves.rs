@@ -48,14 +48,17 @@ impl LeafTable {
         })
     }
 
+    /// Values of a leaf.
     pub fn width(&self) -> usize {
         self.width
     }
 
+    /// How many there are.
     pub fn leaves(&self) -> usize {
         self.impurities.len()
     }
 
+    /// The values of a leaf.
     #[inline]
     pub fn row(&self, leaf: usize) -> &[f32] {
         &self.values[leaf * self.width..(leaf + 1) * self.width]
@@ -66,6 +69,7 @@ impl LeafTable {
         &self.values
     }
 
+    /// H of each leaf by the objective (eq. 2).
     pub fn impurities(&self) -> &[f64] {
         &self.impurities
     }

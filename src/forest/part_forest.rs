@@ -1,4 +1,4 @@
-//! The part forest of the baseline [3]: which part of the robot its trees give a pixel, and where
+//! The part forest of the baseline \[3\]: which part of the robot its trees give a pixel, and where
 //! from there they expect the joints.
 
 use super::ForestError;

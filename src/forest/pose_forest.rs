@@ -114,6 +114,7 @@ impl PoseForest {
         Ok(())
     }
 
+    /// The bandwidth of eq. 2 by which confidences are.
     pub fn sigma(&self) -> f64 {
         self.header.sigma
     }

@@ -1,5 +1,5 @@
 //! Growing a part forest: trees that tell parts apart, and leaves that are then fitted with votes
-//! for the joints (Girshick et al., ICCV 2011, whose offsets the baseline [3] takes over).
+//! for the joints (Girshick et al., ICCV 2011, whose offsets the baseline \[3\] takes over).
 
 use super::ForestError;
 use super::bins::BinnedMatrix;

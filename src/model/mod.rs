@@ -139,6 +139,7 @@ impl Model {
         })
     }
 
+    /// What `model.json` holds.
     pub fn record(&self) -> &ModelRecord {
         &self.record
     }

@@ -51,6 +51,7 @@ pub struct ModelRecord {
     pub files: BTreeMap<String, String>,
 }
 
+/// A value of the estimated pose.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct JointRecord {

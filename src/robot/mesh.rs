@@ -11,6 +11,7 @@ pub struct Mesh {
 }
 
 impl Mesh {
+    /// Whether there is no surface.
     pub fn is_empty(&self) -> bool {
         self.triangles.is_empty()
     }

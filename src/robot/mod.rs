@@ -10,6 +10,7 @@ pub use urdf::{RobotError, UrdfProblem};
 use nalgebra::{Isometry3, Translation3, Unit, UnitQuaternion, Vector3};
 use std::f64::consts::TAU;
 
+/// A rigid body of the robot; its frame is where the joint that moves it stands.
 #[derive(Debug, Clone)]
 pub struct Link {
     pub name: String,
@@ -18,6 +19,7 @@ pub struct Link {
     pub mesh: Mesh,
 }
 
+/// How the child of a joint moves against its parent.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Motion {
     Fixed,
@@ -37,6 +39,7 @@ pub struct Mimic {
     pub offset: f64,
 }
 
+/// What connects two links.
 #[derive(Debug, Clone)]
 pub struct Joint {
     pub name: String,

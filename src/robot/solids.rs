@@ -40,6 +40,7 @@ pub fn cylinder(radius: f64, length: f64) -> Mesh {
     )
 }
 
+/// A ball about the origin, metres.
 pub fn sphere(radius: f64) -> Mesh {
     capsule(radius, 0.0)
 }

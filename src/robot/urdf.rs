@@ -24,6 +24,7 @@ pub struct RobotError {
     pub problem: UrdfProblem,
 }
 
+/// What makes a file unusable as a robot.
 #[derive(Debug, thiserror::Error)]
 pub enum UrdfProblem {
     #[error("cannot read the robot description: {0}")]

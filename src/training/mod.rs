@@ -34,6 +34,7 @@ pub struct Training {
 }
 
 impl Training {
+    /// Pixels drawn from each image.
     pub fn samples_per_image(&self) -> usize {
         self.foreground + self.background
     }

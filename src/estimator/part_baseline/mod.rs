@@ -1,4 +1,4 @@
-//! The baseline: pose estimation by way of parts and joint positions, as in [3], Bohg et al., *Robot
+//! The baseline: pose estimation by way of parts and joint positions, as in \[3\], Bohg et al., *Robot
 //! Arm Pose Estimation through Pixel-Wise Part Classification*, ICRA 2014 (section IV-E).
 //!
 //! A part forest gives every pixel a [part](parts); the pixels of the arm cast the [votes] of their

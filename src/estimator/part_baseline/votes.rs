@@ -63,6 +63,7 @@ impl Vote {
 }
 
 impl<'a> Ballot<'a> {
+    /// Without votes yet.
     pub fn new(spec: &'a VoteSpec) -> Self {
         let votes = Vec::new();
         Self { spec, votes }

@@ -1,4 +1,4 @@
-//! Training the part forest of the baseline [3] (section IV-E).
+//! Training the part forest of the baseline \[3\] (section IV-E).
 
 use super::pose_forest::{FOREST_FILE, PoseForestTask};
 use crate::Progress;

@@ -64,6 +64,7 @@ impl PoseForestTask {
         samples.grow(objective, spec, seed, progress)
     }
 
+    /// What bootstrap and features of nodes are drawn by: the same for all objectives.
     pub fn seed_of_trees(&self) -> u64 {
         crate::random::seed(self.set.seed, "forest", &[self.fold as u64])
     }

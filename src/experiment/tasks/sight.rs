@@ -52,6 +52,7 @@ impl SegmentationKind {
         }
     }
 
+    /// Whether a segmentation forest must be trained for it.
     pub fn needs_forest(self) -> bool {
         matches!(self, SegmentationKind::Forest | SegmentationKind::Context)
     }
@@ -81,6 +82,7 @@ impl Sight {
         Ok(Sight { kind, task })
     }
 
+    /// What segments the set; `None` where the kind needs nothing trained.
     pub fn segmentation(&self) -> Option<Arc<SegmentationTask>> {
         self.task.clone()
     }

@@ -37,6 +37,7 @@ pub struct WscNodes {
     pub example: Option<Example>,
 }
 
+/// A tree: what was found at its nodes, and at its leaves.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct TreeRecord {
     /// By the number of splits above the node.

@@ -59,6 +59,7 @@ pub enum Make {
     OfDistances(fn(&DistanceMatrix) -> Made<'_>),
 }
 
+/// An objective, or why the poses cannot be learnt by it.
 pub type Made<'a> = Result<Box<dyn Objective + 'a>, ForestError>;
 
 const fn of_poses(

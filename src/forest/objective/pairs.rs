@@ -16,6 +16,7 @@ pub struct SquaredDistances {
 }
 
 impl SquaredDistances {
+    /// Fails when a distance is not finite.
     pub fn new(distances: &DistanceMatrix) -> Result<Self, ForestError> {
         let targets = distances.count();
         let most = usize::from(u16::MAX) + 1;
