@@ -120,7 +120,7 @@ fn estimates_of_new_images_beat_the_constant_pose_and_are_the_same_everywhere() 
     for (image, answer) in answers.iter().enumerate() {
         assert_eq!(answer["image"], text(&workshop.test_image(image)));
         let pose = model
-            .estimate(&set.frame(image).unwrap().depth)
+            .estimate(&set.frame(image).unwrap().depth, 1)
             .pose
             .unwrap();
         let joints = &answer["joints"];
@@ -375,7 +375,7 @@ fn depths_out_of_range_are_as_good_as_none() {
             .iter_mut()
             .step_by(7)
             .for_each(|mm| *mm = depth);
-        model.estimate(&image)
+        model.estimate(&image, 1)
     };
     assert_eq!(with(5001), with(0));
     assert_eq!(with(299), with(0));

@@ -137,7 +137,7 @@ fn a_segmentation_forest_learns_what_can_be_told_apart() {
     for shares in shares.chunks(3) {
         assert!((shares.iter().sum::<f32>() - 1.0).abs() < 1e-5);
     }
-    let found = segment(&forest, &test.0, 2);
+    let found = segment(&forest, &test.0, 2, 1);
     let wrong = found.classes.pixels.iter().zip(&test.1);
     let wrong = wrong.filter(|(found, truth)| u16::from(**found) != **truth);
     assert!(wrong.count() < width * height / 50);
@@ -146,6 +146,14 @@ fn a_segmentation_forest_learns_what_can_be_told_apart() {
         let class = usize::from(found.classes.pixels[at]);
         assert!(shares[class] == largest && shares[..class].iter().all(|&s| s < largest));
         assert_eq!(found.share.pixels[at], (shares[2] * 255.0).round() as u8);
+    }
+
+    // A pixel says what the first of its block of 3 x 3 says.
+    let coarse = segment(&forest, &test.0, 2, 3);
+    for at in 0..width * height {
+        let first = at / width / 3 * 3 * width + at % width / 3 * 3;
+        assert_eq!(coarse.classes.pixels[at], found.classes.pixels[first]);
+        assert_eq!(coarse.share.pixels[at], found.share.pixels[first]);
     }
 
     let folder = tempfile::tempdir().unwrap();

@@ -64,6 +64,9 @@ pub struct Arguments {
     /// The robot.toml, if it is not where it was when the model was trained; only pictures need it
     #[arg(long, value_name = "FILE")]
     robot: Option<PathBuf>,
+    /// Look only at the pixels of every N-th row and column: 2 takes a third of the time
+    #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u16).range(1..=64))]
+    stride: u16,
     /// Threads to use; the estimates do not depend on it [default: one for each core]
     #[arg(long, value_parser = clap::value_parser!(u16).range(1..=1024))]
     threads: Option<u16>,
@@ -92,7 +95,7 @@ pub fn run(arguments: &Arguments) -> Result<ExitCode> {
     };
     let mut estimate = |path: &Path| {
         let image = read_depth_file(path, &camera, scale)?;
-        let seen = look(&model, &resampling, &image);
+        let seen = look(&model, &resampling, &image, arguments.stride.into());
         if let Some(overlays) = &mut overlays {
             let pose = seen.estimate.pose.as_ref();
             overlays.draw_estimate(path, &seen.image, pose)?;
@@ -143,10 +146,10 @@ struct Seen {
     latency_ms: f64,
 }
 
-fn look(model: &Model, resampling: &Resampling, image: &DepthImage) -> Seen {
+fn look(model: &Model, resampling: &Resampling, image: &DepthImage, stride: usize) -> Seen {
     let clock = Instant::now();
     let image = resampling.apply(image);
-    let estimate = model.estimate(&image);
+    let estimate = model.estimate(&image, stride);
     Seen {
         image,
         estimate,

@@ -86,7 +86,7 @@ pub fn run(arguments: &Arguments) -> Result<ExitCode> {
     let mut looked = Vec::new();
     for image in 0..set.len() {
         let depth = resampling.apply(&set.frame(image)?.depth);
-        let estimate = model.estimate(&depth);
+        let estimate = model.estimate(&depth, 1);
         if let Some(overlays) = &mut overlays {
             overlays.draw_beside_truth(&set, image, &depth, estimate.pose.as_ref())?;
         }

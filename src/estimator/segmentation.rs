@@ -34,28 +34,42 @@ impl Segmentation {
     }
 }
 
-/// Classifies the valid pixels of an image, in parallel. `of` is the class whose share is wanted.
-/// Panics when the forest has no such class, or more than 256.
-pub fn segment(forest: &SegmentationForest, depth: &DepthImage, of: usize) -> Segmentation {
+/// Classifies the valid pixels of every `stride`-th row and column of an image, in parallel; the valid
+/// pixels right of and below each get the same. `of` is the class whose share is wanted. Panics when the
+/// forest has no such class, or more than 256, or when the stride is 0.
+pub fn segment(
+    forest: &SegmentationForest,
+    depth: &DepthImage,
+    of: usize,
+    stride: usize,
+) -> Segmentation {
+    let (width, height) = (depth.width, depth.height);
     let padded = PaddedDepth::new(depth, forest.features().reach());
-    let valid: Vec<usize> = (0..depth.pixels.len())
-        .filter(|&at| depth.pixels[at] > 0)
-        .collect();
-    let position = |&at: &usize| padded.position(at % depth.width, at / depth.width);
-    let positions: Vec<u32> = valid.iter().map(position).collect();
+    let places = (0..height).step_by(stride);
+    let places = places.flat_map(|y| (0..width).step_by(stride).map(move |x| (x, y)));
+    let is_valid = |&(x, y): &(usize, usize)| depth.pixels[y * width + x] > 0;
+    let valid: Vec<(usize, usize)> = places.filter(is_valid).collect();
+    let positions: Vec<u32> = valid.iter().map(|&(x, y)| padded.position(x, y)).collect();
     let shares = forest.shares(&forest.features().on(&padded), &positions);
     let blank = || Image {
-        width: depth.width,
-        height: depth.height,
+        width,
+        height,
         pixels: vec![0; depth.pixels.len()],
     };
     let (mut classes, mut share) = (blank(), blank());
-    for (&at, shares) in valid
+    for (&(left, top), shares) in valid
         .iter()
         .zip(shares.chunks_exact(forest.classes().len()))
     {
-        classes.pixels[at] = largest(shares) as u8;
-        share.pixels[at] = (shares[of] * 255.0).round() as u8;
+        let (class, of) = (largest(shares) as u8, (shares[of] * 255.0).round() as u8);
+        for y in top..height.min(top + stride) {
+            for x in left..width.min(left + stride) {
+                let at = y * width + x;
+                if depth.pixels[at] > 0 {
+                    (classes.pixels[at], share.pixels[at]) = (class, of);
+                }
+            }
+        }
     }
     Segmentation { classes, share }
 }

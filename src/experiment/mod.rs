@@ -62,6 +62,7 @@ pub fn kinds() -> Vec<study_file::Kind> {
         study_file::Kind::new("segmentation-images", segmentation::gallery::define),
         study_file::Kind::new("sensor", sensor::define),
         study_file::Kind::new("sets", sets::define),
+        study_file::Kind::new("speed", speed::define),
         study_file::Kind::new("threshold-sweep", threshold_sweep::define),
         study_file::Kind::new("training-time", training_time::define),
         study_file::Kind::new("tuning", tuning::forest::define),

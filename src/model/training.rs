@@ -118,7 +118,7 @@ pub fn train(
         let Some(halves) = &halves else {
             return Ok::<_, TrainingError>(Seen::whole(frame));
         };
-        let found = segment(&halves[1 - image % 2], &frame.depth, arm);
+        let found = segment(&halves[1 - image % 2], &frame.depth, arm, 1);
         let sure_pixels = found.sure_pixels();
         Ok(Seen::segmented(
             frame,

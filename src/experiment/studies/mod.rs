@@ -12,6 +12,7 @@ pub mod real_images;
 pub mod segmentation;
 pub mod sensor;
 pub mod sets;
+pub mod speed;
 pub mod threshold_sweep;
 pub mod training_time;
 pub mod tuning;

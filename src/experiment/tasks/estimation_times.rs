@@ -157,7 +157,7 @@ impl EstimationTimesTask {
         let mut times = Vec::new();
         for &image in &self.whole.images {
             let depth = set.frame(image)?.depth;
-            let classes = segment(&segmenter, &depth, arm).classes;
+            let classes = segment(&segmenter, &depth, arm, 1).classes;
             let of_arm = masked(&depth, |at| usize::from(classes.pixels[at]) == arm);
             let estimate = |forest: &PoseForest, depth: &DepthImage| {
                 self.shortest(|| {
@@ -194,7 +194,7 @@ impl EstimationTimesTask {
             times.push(Timed {
                 image,
                 segmenting_s: self.shortest(|| {
-                    black_box(segment(&segmenter, &depth, arm));
+                    black_box(segment(&segmenter, &depth, arm, 1));
                 }),
                 whole_s: estimate(&whole, &depth),
                 segmented_s: estimate(&segmented, &of_arm),

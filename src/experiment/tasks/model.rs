@@ -183,7 +183,7 @@ impl Task for ModelEstimatesTask {
                 let of_image = |image: usize| {
                     anyhow::Ok(ModelEstimated {
                         truth: set.pose(image).to_vec(),
-                        estimate: model.estimate(&set.frame(image)?.depth),
+                        estimate: model.estimate(&set.frame(image)?.depth, 1),
                     })
                 };
                 let images = (0..set.len()).into_par_iter();
@@ -201,7 +201,7 @@ impl Task for ModelEstimatesTask {
                 let of_frame = |frame: usize| {
                     anyhow::Ok(ModelEstimated {
                         truth: real.frames[frame].encoders.clone(),
-                        estimate: model.estimate(&view.apply(&real.depth(frame)?)),
+                        estimate: model.estimate(&view.apply(&real.depth(frame)?), 1),
                     })
                 };
                 (0..real.frames.len())

@@ -128,7 +128,7 @@ impl Task for SegmentationTask {
         }
         let classify = |image: usize| {
             let frame = set.frame(image)?;
-            let found = segment(&forest, &frame.depth, set.target() + 1);
+            let found = segment(&forest, &frame.depth, set.target() + 1, 1);
             write_labels(&file(out, "class", image), &found.classes)?;
             write_labels(&file(out, "share", image), &found.share)?;
             let mut confusion = Confusion::new(forest.classes().len());
