@@ -48,10 +48,13 @@ def main():
     test_x, test_y = samples(options.folder, "test")
 
     table = csv.writer(sys.stdout, lineterminator="\n")
-    table.writerow(["repetition", "armpose_s", "sklearn_s", "ratio", "armpose_error_deg", "sklearn_error_deg"])
+    header = ["repetition", "armpose_s", "sklearn_s", "ratio"]
+    header += ["armpose_error_deg", "sklearn_error_deg", "armpose_leaves", "sklearn_leaves"]
+    table.writerow(header)
     ratios = []
     for repetition in range(options.repetitions):
-        ours, our_error = map(float, armpose("train", options.folder, options.features_per_node, repetition).split(","))
+        answer = armpose("train", options.folder, options.features_per_node, repetition)
+        ours, our_error, our_leaves = map(float, answer.split(","))
         forest = RandomForestRegressor(
             n_estimators=2,
             min_samples_leaf=5,
@@ -64,8 +67,9 @@ def main():
         theirs = time.perf_counter() - start
         their_error = np.degrees(np.sqrt(np.mean((forest.predict(test_x) - test_y) ** 2)))
         ratios.append(theirs / ours)
-        row = [ours, theirs, ratios[-1], our_error, their_error]
-        table.writerow([repetition, *(f"{value:.4g}" for value in row)])
+        row = [f"{value:.4g}" for value in [ours, theirs, ratios[-1], our_error, their_error]]
+        their_leaves = sum(tree.get_n_leaves() for tree in forest.estimators_)
+        table.writerow([repetition, *row, int(our_leaves), their_leaves])
         sys.stdout.flush()
     print(f"ratio,{statistics.median(ratios):.4g}")
 

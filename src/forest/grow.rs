@@ -178,8 +178,9 @@ fn bootstrap(samples: usize, random: &mut Stream) -> Vec<u16> {
     weights
 }
 
-/// A copy of so much of the matrix stays in the second-level cache.
-const BLOCK_BYTES: usize = 1 << 20;
+/// A copy of so much of the matrix stays in the caches. (4 MB are faster than 1 MB by 4 % with 22
+/// features a node and by 16 % with 500; 16 MB are slower again.)
+const BLOCK_BYTES: usize = 1 << 22;
 /// Samples that are turned from rows into columns together: a cache line of each column.
 const TILE: usize = 64;
 
