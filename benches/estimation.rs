@@ -7,6 +7,8 @@ use armpose::camera::DepthImage;
 use armpose::circular::Circular;
 use armpose::dataset::{DataSet, Frame, SetSpec, generate, sample_pixels};
 use armpose::estimator::image::combine;
+use armpose::estimator::look::Look;
+use armpose::estimator::segmentation::{masked, segment};
 use armpose::feature::{
     DepthFeatures, Extra, FeatureSpec, FeaturesOnImage, PaddedDepth, SampleMatrix,
 };
@@ -199,6 +201,15 @@ fn benches(criterion: &mut Criterion) {
             let leaves = pose.find_leaves(&pose.features().on(&padded), &pixels);
             combine(&pose, &leaves, &vec![true; pixels.len()])
         };
+        group.bench_function(name, |b| b.iter(|| two.install(|| black_box(estimate()))));
+        let arm = set.target() + 1;
+        let estimate = || {
+            let classes = segment(&segmentation, &depth, arm, step).classes;
+            let of_arm = masked(&depth, |at| usize::from(classes.pixels[at]) == arm);
+            let padded = PaddedDepth::new(&of_arm, pose.features().reach());
+            Look::new(&pose, &of_arm, &padded, step).estimate(|_| true)
+        };
+        let name = format!("segmenting, then estimating what is left, step {step}, two cores");
         group.bench_function(name, |b| b.iter(|| two.install(|| black_box(estimate()))));
     }
     group.bench_function("load the pose forest, two cores", |b| {

@@ -1,4 +1,5 @@
-//! Training one tree at the paper's size, and MSPD as published at a size it can do.
+//! Training one tree at the paper's size and at smaller ones, on few features a node and on all, and MSPD
+//! as published at a size it can do.
 
 use armpose::camera::DepthImage;
 use armpose::circular::Circular;
@@ -183,6 +184,17 @@ fn benches(criterion: &mut Criterion) {
             format!("train one tree on {name}, 480,000 x 500, 22 a node"),
             |b| b.iter(|| one_core.install(|| grow(&data, objective, 1, 22))),
         );
+    }
+    for samples_per_pose in [30, 300] {
+        let data = samples(samples_per_pose);
+        let by_variance = mse(&data.table).unwrap();
+        for features_per_node in [22, 500] {
+            let size = POSES * samples_per_pose;
+            group.bench_function(
+                format!("train one tree on MSE, {size} x 500, {features_per_node} a node"),
+                |b| b.iter(|| one_core.install(|| grow(&data, &*by_variance, 1, features_per_node))),
+            );
+        }
     }
     // The published form's time grows with the square of a node's size: few samples a pose.
     let some = samples(50);
