@@ -192,7 +192,9 @@ fn benches(criterion: &mut Criterion) {
             let size = POSES * samples_per_pose;
             group.bench_function(
                 format!("train one tree on MSE, {size} x 500, {features_per_node} a node"),
-                |b| b.iter(|| one_core.install(|| grow(&data, &*by_variance, 1, features_per_node))),
+                |b| {
+                    b.iter(|| one_core.install(|| grow(&data, &*by_variance, 1, features_per_node)))
+                },
             );
         }
     }
