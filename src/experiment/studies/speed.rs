@@ -6,7 +6,7 @@ use crate::dataset::DataSet;
 use crate::experiment::claims::Claim;
 use crate::experiment::figure::{Axis, Figure, Mark, Panel, Plot, Shape};
 use crate::experiment::protocol::{CrossValidation, Ruler, step_of};
-use crate::experiment::statistics::{mean, quantile};
+use crate::experiment::statistics::{mean, median};
 use crate::experiment::study::{Done, Report, Specification, Study};
 use crate::experiment::study_file::parameters_of;
 use crate::experiment::table::Table;
@@ -408,12 +408,6 @@ fn exponent(curve: &[(f64, f64)]) -> f64 {
         logs.iter().map(|log| of(log.0 - x, log.1 - y)).sum()
     };
     sum(&|x, y| x * y) / sum(&|x, _| x * x)
-}
-
-fn median(values: &[f64]) -> f64 {
-    let mut sorted = values.to_vec();
-    sorted.sort_by(f64::total_cmp);
-    quantile(&sorted, 0.5)
 }
 
 /// Our times and theirs.

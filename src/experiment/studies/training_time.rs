@@ -4,7 +4,7 @@ use super::cross_validation;
 use crate::experiment::claims::{Claim, ClaimResult, Verdict};
 use crate::experiment::figure::{Axis, Figure, Mark, Panel, Plot, Shape};
 use crate::experiment::protocol::{CrossValidation, colour};
-use crate::experiment::statistics::quantile;
+use crate::experiment::statistics::{median, quantile};
 use crate::experiment::study::{Done, Report, Specification, Study};
 use crate::experiment::study_file::parameters_of;
 use crate::experiment::table::{Cell, Table};
@@ -129,12 +129,6 @@ type Stage = (&'static str, fn(&Timed) -> f64);
 
 fn in_all(timed: &Timed) -> f64 {
     timed.distances_s + timed.preparation_s + timed.growing_s
-}
-
-fn median(values: &[f64]) -> f64 {
-    let mut sorted = values.to_vec();
-    sorted.sort_by(f64::total_cmp);
-    quantile(&sorted, 0.5)
 }
 
 /// From the first to the third quartile.
