@@ -206,7 +206,7 @@ fn benches(criterion: &mut Criterion) {
         let estimate = || {
             let classes = segment(&segmentation, &depth, arm, step).classes;
             let of_arm = masked(&depth, |at| usize::from(classes.pixels[at]) == arm);
-            let padded = PaddedDepth::new(&of_arm, pose.features().reach());
+            let padded = PaddedDepth::every(step, &of_arm, pose.features().reach());
             Look::new(&pose, &of_arm, &padded, step).estimate(|_| true)
         };
         let name = format!("segmenting, then estimating what is left, step {step}, two cores");

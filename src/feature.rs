@@ -155,15 +155,18 @@ impl DepthFeatures {
             "the image has no context"
         );
         let corner = image.corner() as i32;
-        let linear =
-            |[x, y]: [i16; 2]| (corner + i32::from(y) * image.stride as i32 + i32::from(x)) as u32;
+        let (row, plane, step) = (image.row as i32, image.plane as i32, image.step as i32);
+        let linear = |[x, y]: [i16; 2]| {
+            let (x, y) = (i32::from(x), i32::from(y));
+            (corner + y * row + x.rem_euclid(step) * plane + x.div_euclid(step)) as u32
+        };
         let (mut columns, mut rows) = (vec![], vec![]);
         if self.extra == Extra::Pixel {
-            let row: Vec<i16> = (0..image.stride).map(|column| column as i16).collect();
+            let row: Vec<i16> = (0..image.row).map(|at| (at * image.step) as i16).collect();
             // As many rows more as lie behind the last position however narrow the image is.
             columns = row.repeat(image.height + LANES);
             rows = vec![0; columns.len()];
-            for (row, values) in rows.chunks_exact_mut(image.stride).enumerate() {
+            for (row, values) in rows.chunks_exact_mut(image.row).enumerate() {
                 values.fill(row as i16);
             }
         }
@@ -193,12 +196,18 @@ impl DepthFeatures {
 /// A depth image with a border on all sides, in which invalid pixels and the border hold
 /// [`D_INVALID_MM`], so that a feature is the difference of two elements and nothing else. Behind the last
 /// one there are some more, so that [`LANES`] may be looked at from any pixel on.
+///
+/// With a step of 2 the even columns of a row stand first, then the odd ones: every second pixel has the
+/// next one looked at beside it, and so has everything at an offset from them.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
 pub struct PaddedDepth {
     values: Vec<i16>,
     /// A second image with the same border, zero there; empty without one.
     context: Vec<i16>,
-    stride: usize,
+    step: usize,
+    /// Elements of a row, and of its columns that have the same remainder divided by the step.
+    row: usize,
+    plane: usize,
     width: usize,
     height: usize,
     margin: usize,
@@ -208,7 +217,16 @@ impl PaddedDepth {
     /// A copy of an image (mm, 0 = invalid) with a border of `margin` pixels, at least
     /// [`DepthFeatures::reach`] of the features that will look at it.
     pub fn new(image: &DepthImage, margin: usize) -> Self {
-        let mut padded = Self::default();
+        Self::every(1, image, margin)
+    }
+
+    /// The same for whoever looks at the pixels of every `step`-th column only. Panics when it is 0.
+    pub fn every(step: usize, image: &DepthImage, margin: usize) -> Self {
+        assert!(step > 0, "a step of 0");
+        let mut padded = Self {
+            step,
+            ..Self::default()
+        };
         padded.refill(image, margin);
         padded
     }
@@ -216,42 +234,58 @@ impl PaddedDepth {
     /// Adds the second image that [`Extra::Context`] looks at. Panics when its size is another.
     pub fn with_context(mut self, map: &Image<u8>) -> Self {
         assert_eq!((map.width, map.height), (self.width, self.height));
-        self.context = vec![0; self.values.len()];
-        let rows = self.context.chunks_exact_mut(self.stride).skip(self.margin);
-        for (row, source) in rows.zip(map.pixels.chunks_exact(map.width)) {
-            for (value, &of_map) in row[self.margin..].iter_mut().zip(source) {
-                *value = of_map.into();
-            }
-        }
+        let mut context = vec![0; self.values.len()];
+        self.spread(&mut context, &map.pixels, i16::from);
+        self.context = context;
         self
     }
 
     /// Takes another image, in the memory of the last one, and without context.
     pub fn refill(&mut self, image: &DepthImage, margin: usize) {
+        self.step = self.step.max(1);
         (self.width, self.height, self.margin) = (image.width, image.height, margin);
-        self.stride = image.width + 2 * margin;
+        self.plane = (image.width + margin).div_ceil(self.step) + self.planes_margin();
+        self.row = self.plane * self.step;
         self.context.clear();
-        self.values.clear();
-        self.values.resize(
-            self.stride * (image.height + 2 * margin) + LANES,
+        let mut values = std::mem::take(&mut self.values);
+        values.clear();
+        values.resize(
+            self.row * (image.height + 2 * margin) + LANES,
             D_INVALID_MM,
         );
-        let rows = self.values.chunks_exact_mut(self.stride).skip(margin);
-        for (row, source) in rows.zip(image.pixels.chunks_exact(image.width)) {
-            for (value, &depth) in row[margin..].iter_mut().zip(source) {
-                *value = match depth {
-                    0 => D_INVALID_MM,
-                    mm => mm.min(D_INVALID_MM as u16) as i16,
-                };
+        self.spread(&mut values, &image.pixels, |depth: u16| match depth {
+            0 => D_INVALID_MM,
+            mm => mm.min(D_INVALID_MM as u16) as i16,
+        });
+        self.values = values;
+    }
+
+    /// How many elements of a plane lie left of the image.
+    fn planes_margin(&self) -> usize {
+        self.margin.div_ceil(self.step)
+    }
+
+    /// Writes the pixels of an image to their places.
+    fn spread<T: Copy>(&self, values: &mut [i16], pixels: &[T], value: impl Fn(T) -> i16) {
+        let rows = values.chunks_exact_mut(self.row).skip(self.margin);
+        for (row, source) in rows.zip(pixels.chunks_exact(self.width)) {
+            let planes = row.chunks_exact_mut(self.plane);
+            for (first, plane) in planes.enumerate().take(self.width) {
+                let plane = plane[self.planes_margin()..].iter_mut();
+                for (to, &from) in plane.zip(source[first..].iter().step_by(self.step)) {
+                    *to = value(from);
+                }
             }
         }
     }
 
     /// Where column `x`, row `y` of the image stands: the index of the top left corner of the
-    /// window of side `2 margin + 1` around it. Panics outside the image.
+    /// window of side `2 margin + 1` around it. Panics outside the image, and between the columns that
+    /// are looked at.
     pub fn position(&self, x: usize, y: usize) -> u32 {
         assert!(x < self.width && y < self.height, "pixel outside the image");
-        (y * self.stride + x) as u32
+        assert!(x.is_multiple_of(self.step), "pixel between the steps");
+        (y * self.row + x / self.step) as u32
     }
 
     /// Where the pixel with this number stands, counted row by row. Panics outside the image.
@@ -266,7 +300,7 @@ impl PaddedDepth {
 
     /// How far behind its position the value of a pixel stands.
     fn corner(&self) -> usize {
-        self.margin * self.stride + self.margin
+        self.margin * self.row + self.planes_margin()
     }
 }
 

@@ -39,16 +39,19 @@ fn extra_features_are_of_the_pixel_and_of_the_context() {
     let pixel = DepthFeatures::draw(&spec, Extra::Pixel, &mut stream(2, "f", &[])).unwrap();
     let context = DepthFeatures::draw(&spec, Extra::Context, &mut stream(2, "f", &[])).unwrap();
     assert_eq!((pixel.count(), context.count()), (12, 18));
-    let padded = PaddedDepth::new(&depth, pixel.reach()).with_context(&map);
-    let (of_pixel, of_context) = (pixel.on(&padded), context.on(&padded));
-    for y in 0..height {
-        for x in 0..width {
+    let whole = PaddedDepth::new(&depth, pixel.reach());
+    for step in [1, 2, 3, 5, 40] {
+        let padded = PaddedDepth::every(step, &depth, pixel.reach()).with_context(&map);
+        let (of_pixel, of_context) = (pixel.on(&padded), context.on(&padded));
+        let places = (0..height).flat_map(|y| (0..width).step_by(step).map(move |x| (x, y)));
+        for (x, y) in places {
             let position = padded.position(x, y);
             let at = y * width + x;
             let mm = match depth.pixels[at] {
                 0 => D_INVALID_MM,
                 mm => mm as i16,
             };
+            assert_eq!(padded.depth(position), mm);
             let found = [9, 10, 11].map(|feature| of_pixel.value(feature, position));
             assert_eq!(found, [x as i16, y as i16, mm]);
             for (feature, [[dx, dy], _]) in context.offsets().iter().enumerate() {
@@ -60,10 +63,10 @@ fn extra_features_are_of_the_pixel_and_of_the_context() {
                     0
                 };
                 assert_eq!(of_context.value(9 + feature, position), there);
-                assert_eq!(
-                    of_context.value(feature, position),
-                    of_pixel.value(feature, position)
-                );
+                // Whichever columns stand beside each other.
+                let same = pixel.on(&whole).value(feature, whole.position(x, y));
+                assert_eq!(of_context.value(feature, position), same);
+                assert_eq!(of_pixel.value(feature, position), same);
             }
         }
     }

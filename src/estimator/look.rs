@@ -15,20 +15,23 @@ pub struct Look<'a> {
 
 impl<'a> Look<'a> {
     /// Finds the leaves of the valid pixels of every `stride`-th row and column. `padded` is `depth` as
-    /// the forest's features read it.
+    /// the forest's features read it, at every column that takes part.
     pub fn new(
         forest: &'a PoseForest,
         depth: &DepthImage,
         padded: &PaddedDepth,
         stride: usize,
     ) -> Look<'a> {
-        let takes_part = |&at: &usize| {
-            let (x, y) = (at % depth.width, at / depth.width);
-            depth.pixels[at] > 0 && x % stride == 0 && y % stride == 0
-        };
-        let pixels: Vec<usize> = (0..depth.pixels.len()).filter(takes_part).collect();
-        let position = |&at: &usize| padded.position(at % depth.width, at / depth.width);
-        let positions: Vec<u32> = pixels.iter().map(position).collect();
+        let columns = || (0..depth.width).step_by(stride);
+        let rows = (0..depth.height).step_by(stride);
+        let (mut pixels, mut positions) = (Vec::new(), Vec::new());
+        for (x, y) in rows.flat_map(|y| columns().map(move |x| (x, y))) {
+            let at = y * depth.width + x;
+            if depth.pixels[at] > 0 {
+                pixels.push(at);
+                positions.push(padded.position(x, y));
+            }
+        }
         Look {
             forest,
             pixels,

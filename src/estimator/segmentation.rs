@@ -44,7 +44,7 @@ pub fn segment(
     stride: usize,
 ) -> Segmentation {
     let (width, height) = (depth.width, depth.height);
-    let padded = PaddedDepth::new(depth, forest.features().reach());
+    let padded = PaddedDepth::every(stride, depth, forest.features().reach());
     let places = (0..height).step_by(stride);
     let places = places.flat_map(|y| (0..width).step_by(stride).map(move |x| (x, y)));
     let is_valid = |&(x, y): &(usize, usize)| depth.pixels[y * width + x] > 0;

@@ -252,7 +252,7 @@ impl Model {
 
     /// The pose by the valid pixels of every `stride`-th row and column; `None` when there are none.
     fn pose_in(&self, depth: &DepthImage, stride: usize) -> Option<PoseEstimate> {
-        let padded = PaddedDepth::new(depth, self.pose.features().reach());
+        let padded = PaddedDepth::every(stride, depth, self.pose.features().reach());
         let look = Look::new(&self.pose, depth, &padded, stride);
         let estimate = look.estimate(|_| true)?;
         let step = self.record.step();

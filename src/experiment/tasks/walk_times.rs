@@ -120,7 +120,7 @@ impl Task for WalkTimesTask {
         let estimate = |depth: &DepthImage, stride: usize| {
             let classes = segment(&segmenter, depth, arm, stride).classes;
             let of_arm = masked(depth, |at| usize::from(classes.pixels[at]) == arm);
-            let padded = PaddedDepth::new(&of_arm, segmented.features().reach());
+            let padded = PaddedDepth::every(stride, &of_arm, segmented.features().reach());
             Look::new(&segmented, &of_arm, &padded, stride).estimate(|_| true)
         };
         let one = rayon::ThreadPoolBuilder::new().num_threads(1).build();
