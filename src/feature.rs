@@ -249,10 +249,7 @@ impl PaddedDepth {
         self.context.clear();
         let mut values = std::mem::take(&mut self.values);
         values.clear();
-        values.resize(
-            self.row * (image.height + 2 * margin) + LANES,
-            D_INVALID_MM,
-        );
+        values.resize(self.row * (image.height + 2 * margin) + LANES, D_INVALID_MM);
         self.spread(&mut values, &image.pixels, |depth: u16| match depth {
             0 => D_INVALID_MM,
             mm => mm.min(D_INVALID_MM as u16) as i16,

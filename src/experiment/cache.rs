@@ -9,6 +9,7 @@ use super::recipe::{Hash, Key, Recipe, files_below};
 use anyhow::{Context, Result, bail};
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeSet;
+use std::fmt::Display;
 use std::fs::{self, File};
 use std::io::Write;
 use std::path::{Path, PathBuf};
@@ -115,7 +116,7 @@ impl Cache {
         let folder = self.folder(&key);
         let stage = self.root.join(&key.stage);
         fs::create_dir_all(&stage).with_context(|| cannot_write(&stage))?;
-        let _lock = lock(&stage.join(format!(".{}.lock", key.hash)))?;
+        let _lock = lock(&lock_of(&stage, &key.hash))?;
         if self.state(&key) == State::Ready {
             return Ok(());
         }
@@ -169,12 +170,7 @@ impl Cache {
 
     /// Removes a result, once nobody is making it.
     pub fn remove(&self, key: &Key) -> Result<()> {
-        let _lock = lock(
-            &self
-                .root
-                .join(&key.stage)
-                .join(format!(".{}.lock", key.hash)),
-        )?;
+        let _lock = lock(&lock_of(&self.root.join(&key.stage), &key.hash))?;
         if let Ok(mut checked) = self.checked.lock() {
             checked.remove(key);
         }
@@ -188,7 +184,7 @@ impl Cache {
                 let Some(hash) = temporary_of(&temporary) else {
                     continue;
                 };
-                let path = stage.join(format!(".{hash}.lock"));
+                let path = lock_of(&stage, hash);
                 let file = File::create(&path).with_context(|| cannot_write(&path))?;
                 if file.try_lock().is_ok() {
                     remove_folder(&temporary)?;
@@ -236,6 +232,10 @@ impl Cache {
 
 fn cannot_write(path: &Path) -> String {
     format!("cannot write {}", path.display())
+}
+
+fn lock_of(stage: &Path, hash: impl Display) -> PathBuf {
+    stage.join(format!(".{hash}.lock"))
 }
 
 fn lock(path: &Path) -> Result<File> {

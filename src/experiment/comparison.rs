@@ -3,6 +3,7 @@
 
 use super::statistics::{mean, standard_deviation};
 use super::table::{Table, significant};
+use super::task::read_json;
 use anyhow::{Context, Result};
 use serde_json::Value;
 use std::collections::BTreeMap;
@@ -144,10 +145,7 @@ pub fn differences(old: &Path, new: &Path) -> Result<Vec<String>> {
 }
 
 fn manifest(folder: &Path) -> Result<Value> {
-    let path = folder.join("manifest.json");
-    let shown = || format!("cannot read {}", path.display());
-    let text = std::fs::read_to_string(&path).with_context(shown)?;
-    serde_json::from_str(&text).with_context(shown)
+    read_json(&folder.join("manifest.json"))
 }
 
 /// Names and values at the ends of a tree of objects.

@@ -1,5 +1,7 @@
 //! A task: a unit of work whose result is worth keeping in the [cache](super::cache).
 
+use anyhow::Context;
+use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -55,4 +57,11 @@ pub trait Task: Send + Sync {
         out: &Path,
         progress: crate::Progress<'_>,
     ) -> anyhow::Result<()>;
+}
+
+/// Reads what a task, a study or the report wrote.
+pub fn read_json<T: DeserializeOwned>(path: &Path) -> anyhow::Result<T> {
+    let shown = || format!("cannot read {}", path.display());
+    let text = std::fs::read_to_string(path).with_context(shown)?;
+    serde_json::from_str(&text).with_context(shown)
 }

@@ -2,6 +2,7 @@
 
 use crate::experiment::table::significant;
 use anyhow::{Context, Result};
+use base64::prelude::{BASE64_STANDARD, Engine};
 use std::fmt::{Display, Formatter, Write};
 use std::path::Path;
 
@@ -107,19 +108,7 @@ fn heading(column: &str) -> String {
 /// A file in the text of a page. An SVG that is shown so neither runs scripts nor loads anything, and its
 /// ids are its own.
 pub fn data_uri(media_type: &str, bytes: &[u8]) -> String {
-    const DIGITS: &[u8; 64] = b"ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789+/";
-    let mut uri = format!("data:{media_type};base64,");
-    for three in bytes.chunks(3) {
-        let byte = |at: usize| u32::from(three.get(at).copied().unwrap_or(0));
-        let bits = byte(0) << 16 | byte(1) << 8 | byte(2);
-        for digit in 0..4 {
-            uri.push(match digit <= three.len() {
-                true => char::from(DIGITS[(bits >> (18 - 6 * digit)) as usize & 63]),
-                false => '=',
-            });
-        }
-    }
-    uri
+    format!("data:{media_type};base64,{}", BASE64_STANDARD.encode(bytes))
 }
 
 /// The template with what belongs into its `{{slots}}`; those without a value stay empty.

@@ -2,6 +2,7 @@
 
 use crate::experiment::claims::ClaimResult;
 use crate::experiment::progress::duration;
+use crate::experiment::task::read_json;
 use anyhow::{Context, Result, ensure};
 use serde_json::Value;
 use std::collections::BTreeSet;
@@ -22,8 +23,8 @@ impl Results {
         Ok(Results {
             id: id.to_string_lossy().into_owned(),
             folder: folder.to_owned(),
-            claims: json(&folder.join("claims.json"))?,
-            manifest: json(&folder.join("manifest.json"))?,
+            claims: read_json(&folder.join("claims.json"))?,
+            manifest: read_json(&folder.join("manifest.json"))?,
         })
     }
 
@@ -106,10 +107,4 @@ impl Results {
         }
         text
     }
-}
-
-fn json<T: serde::de::DeserializeOwned>(path: &Path) -> Result<T> {
-    let unreadable = || format!("cannot read {}", path.display());
-    let text = std::fs::read_to_string(path).with_context(unreadable)?;
-    serde_json::from_str(&text).with_context(unreadable)
 }

@@ -8,9 +8,9 @@ use crate::dataset::DataSet;
 use crate::estimator::image::ImageEstimate;
 use crate::estimator::look::Look;
 use crate::estimator::segmentation::LEAST_ARM_PIXELS;
-use crate::experiment::task::{Cost, Stage, Task};
+use crate::experiment::task::{Cost, Stage, Task, read_json};
 use crate::forest::pose_forest::PoseForest;
-use anyhow::{Context, Result, bail};
+use anyhow::{Result, bail};
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 use std::path::{Path, PathBuf};
@@ -96,10 +96,7 @@ impl EstimatesTask {
 
     /// Reads the result from the folder that [`Task::run`] wrote: in the order of the images.
     pub fn read(folder: &Path) -> Result<Vec<Estimated>> {
-        let path = folder.join(FILE);
-        let shown = || format!("cannot read {}", path.display());
-        let text = std::fs::read_to_string(&path).with_context(shown)?;
-        serde_json::from_str(&text).with_context(shown)
+        read_json(&folder.join(FILE))
     }
 }
 

@@ -12,7 +12,7 @@ use crate::estimator::look::Look;
 use crate::estimator::part_baseline::{classify, find_joints, pixel_points, voters};
 use crate::estimator::segmentation::{masked, segment};
 use crate::experiment::manifest::timing_conditions;
-use crate::experiment::task::{Cost, Stage, Task};
+use crate::experiment::task::{Cost, Stage, Task, read_json};
 use crate::feature::PaddedDepth;
 use crate::forest::part_forest::PartForest;
 use crate::forest::pose_forest::PoseForest;
@@ -66,10 +66,7 @@ const FILE: &str = "times.json";
 impl EstimationTimesTask {
     /// Reads the result from the folder that [`Task::run`] wrote.
     pub fn read(folder: &Path) -> Result<Vec<Timed>> {
-        let path = folder.join(FILE);
-        let shown = || format!("cannot read {}", path.display());
-        let text = std::fs::read_to_string(&path).with_context(shown)?;
-        serde_json::from_str(&text).with_context(shown)
+        read_json(&folder.join(FILE))
     }
 
     /// The shortest of some repetitions, s.

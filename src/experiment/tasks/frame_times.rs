@@ -4,11 +4,11 @@ use crate::Progress;
 use crate::camera::{Body, Camera, Photographer};
 use crate::dataset::SetSpec;
 use crate::experiment::manifest::timing_conditions;
-use crate::experiment::task::{Cost, Stage, Task};
+use crate::experiment::task::{Cost, Stage, Task, read_json};
 use crate::random::stream;
 use crate::robot::Mesh;
 use crate::scene::{PoseSampler, Rig, furnish, robot_bodies, room_body};
-use anyhow::{Context, Result};
+use anyhow::Result;
 use serde::{Deserialize, Serialize};
 use std::hint::black_box;
 use std::path::{Path, PathBuf};
@@ -115,10 +115,7 @@ const FILE: &str = "times.json";
 impl FrameTimesTask {
     /// Reads the result from the folder that [`Task::run`] wrote.
     pub fn read(folder: &Path) -> Result<FrameTimes> {
-        let path = folder.join(FILE);
-        let shown = || format!("cannot read {}", path.display());
-        let text = std::fs::read_to_string(&path).with_context(shown)?;
-        serde_json::from_str(&text).with_context(shown)
+        read_json(&folder.join(FILE))
     }
 }
 

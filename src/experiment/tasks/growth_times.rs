@@ -4,15 +4,15 @@ use super::pose_forest::PoseForestTask;
 use crate::Progress;
 use crate::dataset::DataSet;
 use crate::experiment::manifest::timing_conditions;
-use crate::experiment::task::{Cost, Stage, Task};
-use crate::forest::objective::mse::mse;
-use anyhow::{Context, Result};
+use crate::experiment::task::{Cost, Stage, Task, read_json};
+use crate::forest::objective::Make;
+use anyhow::{Context, Result, bail};
 use serde::{Deserialize, Serialize};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::time::Instant;
 
-/// Grows trees on MSE from more and more images and throws them away: the file `times.json`. A measured
+/// Grows trees from more and more images and throws them away: the file `times.json`. A measured
 /// time is never the same twice; see [`TrainingTimesTask`](super::training_times::TrainingTimesTask).
 pub struct GrowthTimesTask {
     /// Of one set; they differ in how many images they are trained on. Nothing is segmented.
@@ -36,10 +36,7 @@ const FILE: &str = "times.json";
 impl GrowthTimesTask {
     /// Reads the result from the folder that [`Task::run`] wrote.
     pub fn read(folder: &Path) -> Result<Vec<Grown>> {
-        let path = folder.join(FILE);
-        let shown = || format!("cannot read {}", path.display());
-        let text = std::fs::read_to_string(&path).with_context(shown)?;
-        serde_json::from_str(&text).with_context(shown)
+        read_json(&folder.join(FILE))
     }
 }
 
@@ -91,7 +88,13 @@ impl Task for GrowthTimesTask {
         let mut times = Vec::new();
         for forest in &self.forests {
             let samples = forest.samples_of(&set, None, &|_| ())?;
-            let objective = mse(&samples.poses)?;
+            let Make::OfPoses(make) = forest.objective.make else {
+                bail!(
+                    "{} rests on distances: choose another objective",
+                    forest.objective.title
+                );
+            };
+            let objective = make(&samples.poses)?;
             for repetition in 0..self.repetitions {
                 let clock = Instant::now();
                 let (trees, _leaves) = forest.grow(&samples, &*objective, &|_| ())?;

@@ -3,11 +3,11 @@
 use super::data_set::DataSetTask;
 use crate::Progress;
 use crate::dataset::{DataSet, RealFrames};
-use crate::experiment::task::{Cost, Stage, Task};
+use crate::experiment::task::{Cost, Stage, Task, read_json};
 use crate::model::training::{ModelSpec, train};
 use crate::model::{Estimate, Model};
 use crate::scene::Rig;
-use anyhow::{Context, Result, ensure};
+use anyhow::{Result, ensure};
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 use std::path::{Path, PathBuf};
@@ -118,10 +118,7 @@ const FILE: &str = "estimates.json";
 impl ModelEstimatesTask {
     /// Reads the result from the folder that [`Task::run`] wrote: in the order of the images.
     pub fn read(folder: &Path) -> Result<Vec<ModelEstimated>> {
-        let path = folder.join(FILE);
-        let shown = || format!("cannot read {}", path.display());
-        let text = std::fs::read_to_string(&path).with_context(shown)?;
-        serde_json::from_str(&text).with_context(shown)
+        read_json(&folder.join(FILE))
     }
 }
 

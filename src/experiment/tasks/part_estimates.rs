@@ -16,10 +16,10 @@ use crate::estimator::part_baseline::{
     PartEstimate, estimate, find_true_joints, pixel_points, voters,
 };
 use crate::estimator::segmentation::Confusion;
-use crate::experiment::task::{Cost, Stage, Task};
+use crate::experiment::task::{Cost, Stage, Task, read_json};
 use crate::forest::part_forest::{PartClass, PartForest};
 use crate::scene::Rig;
-use anyhow::{Context, Result, bail};
+use anyhow::{Result, bail};
 use nalgebra::{Isometry3, Point3};
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
@@ -112,10 +112,7 @@ impl PartEstimatesTask {
 
     /// Reads the result from the folder that [`Task::run`] wrote.
     pub fn read(folder: &Path) -> Result<PartEstimates> {
-        let path = folder.join(FILE);
-        let shown = || format!("cannot read {}", path.display());
-        let text = std::fs::read_to_string(&path).with_context(shown)?;
-        serde_json::from_str(&text).with_context(shown)
+        read_json(&folder.join(FILE))
     }
 }
 

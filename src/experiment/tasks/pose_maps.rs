@@ -4,7 +4,7 @@ use super::data_set::DataSetTask;
 use super::distances::DistancesTask;
 use crate::Progress;
 use crate::distances::DistanceMatrix;
-use crate::experiment::task::{Cost, Stage, Task};
+use crate::experiment::task::{Cost, Stage, Task, read_json};
 use crate::pose_space::classical_scaling::classical_scaling;
 use crate::pose_space::kernel_pca::kernel_pca;
 use crate::pose_space::tsne::{TsneSpec, require_perplexity, tsne, tsne_from};
@@ -89,10 +89,7 @@ impl PoseMapsTask {
     /// For each map its points, a row of coordinates for each image, from the folder that
     /// [`Task::run`] wrote.
     pub fn read(folder: &Path) -> Result<Vec<Vec<f64>>> {
-        let path = folder.join(FILE);
-        let text = std::fs::read_to_string(&path)
-            .with_context(|| format!("cannot read {}", path.display()))?;
-        serde_json::from_str(&text).with_context(|| path.display().to_string())
+        read_json(&folder.join(FILE))
     }
 }
 

@@ -8,9 +8,9 @@ use crate::camera::png::{read_labels, write_labels};
 use crate::camera::{Intrinsics, LabelImage};
 use crate::dataset::DataSet;
 use crate::estimator::segmentation::{Confusion, Segmentation, segment};
-use crate::experiment::task::{Cost, Stage, Task};
+use crate::experiment::task::{Cost, Stage, Task, read_json};
 use crate::forest::segmentation_forest::SegmentationForest;
-use anyhow::{Context, Result, bail};
+use anyhow::{Result, bail};
 use rayon::prelude::*;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -49,10 +49,7 @@ impl SegmentationTask {
     /// Reads from the folder that [`Task::run`] wrote: for each image, how its valid pixels of each
     /// class were classified.
     pub fn confusions(folder: &Path) -> Result<Vec<Confusion>> {
-        let path = folder.join(CONFUSIONS);
-        let shown = || format!("cannot read {}", path.display());
-        let text = std::fs::read_to_string(&path).with_context(shown)?;
-        serde_json::from_str(&text).with_context(shown)
+        read_json(&folder.join(CONFUSIONS))
     }
 
     /// Reads the segmentation of one image.

@@ -4,7 +4,7 @@ use super::pose_forest::PoseForestTask;
 use crate::Progress;
 use crate::dataset::DataSet;
 use crate::experiment::manifest::timing_conditions;
-use crate::experiment::task::{Cost, Stage, Task};
+use crate::experiment::task::{Cost, Stage, Task, read_json};
 use crate::forest::objective::Make;
 use crate::forest::objective::mspd_published::mspd_published;
 use crate::pose_space::disp::Disp;
@@ -66,10 +66,7 @@ const FILE: &str = "times.json";
 impl TrainingTimesTask {
     /// Reads the result from the folder that [`Task::run`] wrote.
     pub fn read(folder: &Path) -> Result<Vec<Timed>> {
-        let path = folder.join(FILE);
-        let shown = || format!("cannot read {}", path.display());
-        let text = std::fs::read_to_string(&path).with_context(shown)?;
-        serde_json::from_str(&text).with_context(shown)
+        read_json(&folder.join(FILE))
     }
 }
 

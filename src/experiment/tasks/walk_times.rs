@@ -10,7 +10,7 @@ use crate::estimator::image::ImageEstimate;
 use crate::estimator::look::Look;
 use crate::estimator::segmentation::{masked, segment};
 use crate::experiment::manifest::timing_conditions;
-use crate::experiment::task::{Cost, Stage, Task};
+use crate::experiment::task::{Cost, Stage, Task, read_json};
 use crate::feature::PaddedDepth;
 use crate::forest::pose_forest::PoseForest;
 use crate::forest::segmentation_forest::SegmentationForest;
@@ -63,10 +63,7 @@ const FILE: &str = "times.json";
 impl WalkTimesTask {
     /// Reads the result from the folder that [`Task::run`] wrote.
     pub fn read(folder: &Path) -> Result<WalkTimes> {
-        let path = folder.join(FILE);
-        let shown = || format!("cannot read {}", path.display());
-        let text = std::fs::read_to_string(&path).with_context(shown)?;
-        serde_json::from_str(&text).with_context(shown)
+        read_json(&folder.join(FILE))
     }
 }
 

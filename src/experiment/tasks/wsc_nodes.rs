@@ -6,14 +6,14 @@ use crate::Progress;
 use crate::dataset::DataSet;
 use crate::distances::DistanceMatrix;
 use crate::experiment::statistics::spearman;
-use crate::experiment::task::{Cost, Stage, Task};
+use crate::experiment::task::{Cost, Stage, Task, read_json};
 use crate::forest::grow::{Member, grow};
 use crate::forest::objective::Objective;
 use crate::forest::objective::wsc::{NodeClusters, wsc};
 use crate::forest::tree::{LEAF, Node, Tree};
 use crate::training::pose::Samples;
 use crate::training::tree_steps;
-use anyhow::{Context, Result};
+use anyhow::Result;
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 use std::ops::Range;
@@ -103,10 +103,7 @@ const FILE: &str = "nodes.json";
 impl WscNodesTask {
     /// Reads the result from the folder that [`Task::run`] wrote.
     pub fn read(folder: &Path) -> Result<WscNodes> {
-        let path = folder.join(FILE);
-        let shown = || format!("cannot read {}", path.display());
-        let text = std::fs::read_to_string(&path).with_context(shown)?;
-        serde_json::from_str(&text).with_context(shown)
+        read_json(&folder.join(FILE))
     }
 }
 

@@ -8,7 +8,7 @@ mod report;
 use crate::camera::Camera;
 use crate::experiment::shared;
 use crate::experiment::study::{Done, Report, Specification, Study};
-use crate::experiment::task::{Cost, Stage, Task};
+use crate::experiment::task::{Cost, Stage, Task, read_json};
 use anyhow::{Context, Result, bail};
 use measure::Bench;
 use rayon::prelude::*;
@@ -132,12 +132,8 @@ impl Study for SensorStudy {
     }
 
     fn report(&self, done: Done<'_>) -> Result<Report> {
-        let path = done(self.task.as_ref())?.join(RESULT);
-        let text = std::fs::read(&path).with_context(|| path.display().to_string())?;
-        report::report(
-            &self.specification,
-            &serde_json::from_slice::<Vec<Observation>>(&text)?,
-        )
+        let observations: Vec<Observation> = read_json(&done(&*self.task)?.join(RESULT))?;
+        report::report(&self.specification, &observations)
     }
 }
 
