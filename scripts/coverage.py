@@ -7,8 +7,8 @@ counted here, since counting makes it twenty times as slow.
     python3 scripts/coverage.py --missed     # and lists the lines that no test runs
 
 Builds this crate, not its dependencies, with counters (rustc's `-C instrument-coverage`), runs `cargo test`
-and reads the counters with llvm_profparser, which it installs below target/coverage. Takes some ten
-minutes on two cores, most of it compiling. Python 3.9 or newer.
+and reads the counters with llvm_profparser, which it installs below target/coverage. Takes a quarter
+of an hour on two cores, most of it compiling. Python 3.9 or newer.
 """
 
 import argparse
