@@ -1,14 +1,14 @@
 #!/usr/bin/env python3
-"""How many lines of src/ the tests run; modules of tests, which are in there too, do not count. Most of what
-studies do is not run by `cargo test` but by `experiment all --profile smoke`, whose results have bounds: that is not
-counted here, since counting makes it twenty times as slow.
+"""How many lines of src/ are run by what .ci/run runs: the tests, and all studies in miniature. Modules of
+tests, which are in src/ too, do not count.
 
     python3 scripts/coverage.py              # prints a table, a row for each folder
-    python3 scripts/coverage.py --missed     # and lists the lines that no test runs
+    python3 scripts/coverage.py --missed     # and lists the lines that nothing runs
+    python3 scripts/coverage.py --least 85   # and fails when it is less than that, in percent
 
-Builds this crate, not its dependencies, with counters (rustc's `-C instrument-coverage`), runs `cargo test`
-and reads the counters with llvm_profparser, which it installs below target/coverage. Takes a quarter
-of an hour on two cores, most of it compiling. Python 3.9 or newer.
+Builds this crate, not its dependencies, with counters (rustc's `-C instrument-coverage`) and reads them with
+llvm_profparser, which it installs below target/coverage; where that fails the exit code is 2. Takes a quarter
+of an hour on two cores, half of it compiling. Python 3.9 or newer.
 """
 
 import argparse
@@ -19,52 +19,77 @@ import shutil
 import subprocess
 import sys
 from collections import defaultdict
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parent.parent
 SCRATCH = ROOT / "target" / "coverage"
 PROFILES = SCRATCH / "profiles"
+COPY = SCRATCH / "copy"
 READER = SCRATCH / "bin" / "cov"
 READER_VERSION = "0.14.0"
 
 
 def run(command, **more):
-    done = subprocess.run(command, cwd=ROOT, text=True, **more)
+    done = subprocess.run(command, text=True, **{"cwd": ROOT, "stdout": subprocess.PIPE, **more})
     if done.returncode != 0:
-        sys.stdout.write(done.stdout or "")
-        sys.exit(f"failed: {' '.join(map(str, command[:4]))}")
+        sys.stdout.write(done.stdout)
+        raise SystemExit(f"failed: {' '.join(map(str, command))}")
     return done.stdout
 
 
 def install_reader():
     if not READER.is_file():
-        run([
-            "cargo", "install", "llvm_profparser", "--version", READER_VERSION, "--locked", "--quiet",
-            "--root", SCRATCH, "--target-dir", SCRATCH / "target",
-        ])
+        command = ["cargo", "install", "llvm_profparser", "--version", READER_VERSION, "--locked", "--quiet"]
+        try:
+            run([*command, "--root", SCRATCH, "--target-dir", SCRATCH / "target"])
+        except SystemExit as failure:
+            print(failure, file=sys.stderr)
+            sys.exit(2)
 
 
-def run_tests():
-    """Runs all tests with counters; the programs that counted."""
-    shutil.rmtree(PROFILES, ignore_errors=True)
+def build():
+    """Builds the tests and the program with counters: the paths of the tests, and that of the program."""
+    SCRATCH.mkdir(parents=True, exist_ok=True)
     # Cargo hands only this crate to it: dependencies stay as they are, and are not counted.
     wrapper = SCRATCH / "rustc"
     wrapper.write_text('#!/bin/sh\nexec "$@" -C instrument-coverage\n')
     wrapper.chmod(0o755)
-    counted = {
-        "env": os.environ | {
-            "RUSTC_WORKSPACE_WRAPPER": str(wrapper),
-            # One file for each program, into which all its processes add what they count.
-            "LLVM_PROFILE_FILE": str(PROFILES / "%m.profraw"),
-        },
-        "stdout": subprocess.PIPE,
+    environment = os.environ | {
+        "RUSTC_WORKSPACE_WRAPPER": str(wrapper),
+        # Scripts of the build count too.
+        "LLVM_PROFILE_FILE": "/dev/null",
     }
-    messages = run(["cargo", "test", "--no-run", "--message-format=json", "--quiet"], **counted)
-    artifacts = [json.loads(message) for message in messages.splitlines()]
-    is_counted = lambda a: a.get("executable") and "example" not in a["target"]["kind"]
-    programs = [artifact["executable"] for artifact in artifacts if is_counted(artifact)]
-    run(["cargo", "test", "--quiet"], **counted)
-    return programs
+    messages = run(["cargo", "test", "--no-run", "--message-format=json", "--quiet"], env=environment)
+    artifacts = [artifact for artifact in map(json.loads, messages.splitlines()) if artifact.get("executable")]
+    tests = [artifact["executable"] for artifact in artifacts if artifact["profile"]["test"]]
+    [program] = [
+        artifact["executable"] for artifact in artifacts
+        if artifact["target"]["kind"] == ["bin"] and not artifact["profile"]["test"]
+    ]
+    return tests, program
+
+
+def run_all(tests, program):
+    """Runs tests and studies, as many at once as there are cores, each with one thread: threads that share
+    counters wait for each other."""
+    for folder in [PROFILES, COPY]:
+        shutil.rmtree(folder, ignore_errors=True)
+    # Elsewhere, where nothing has been run before.
+    shutil.copytree(ROOT / "experiments", COPY / "experiments")
+    shutil.copytree(ROOT / "data", COPY / "data", ignore=lambda _, names: {"cache"} & set(names))
+    shutil.copy(ROOT / "Cargo.toml", COPY)
+    environment = os.environ | {
+        "RAYON_NUM_THREADS": "1",
+        # One file for each program, into which all its processes add what they count.
+        "LLVM_PROFILE_FILE": str(PROFILES / "%m.profraw"),
+    }
+    studies = sorted(path.stem for path in COPY.glob("experiments/*.toml"))
+    jobs = [([program, "experiment", study, "--profile", "smoke", "--threads", "1"], COPY) for study in studies]
+    jobs += [([test, "--quiet", "--test-threads", "1"], ROOT) for test in tests]
+    with ThreadPoolExecutor(os.cpu_count()) as pool:
+        execute = lambda job: run(job[0], cwd=job[1], env=environment, stderr=subprocess.STDOUT)
+        list(pool.map(execute, jobs))
 
 
 def hits_by_file(programs):
@@ -75,7 +100,7 @@ def hits_by_file(programs):
     for program in programs:
         command += ["--object", program]
     files, lines = {}, {}
-    for line in run(command, stdout=subprocess.PIPE).splitlines():
+    for line in run(command).splitlines():
         if match := re.match(r" *(\d+)\| *(\d*)\|", line):
             if match[2]:
                 lines[int(match[1])] = int(match[2])
@@ -97,23 +122,27 @@ def without_tests(path, hits):
 
 def main():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawTextHelpFormatter)
-    parser.add_argument("--missed", action="store_true", help="list the lines that no test runs")
+    parser.add_argument("--missed", action="store_true", help="list the lines that nothing runs")
+    parser.add_argument("--least", type=float, default=0, metavar="PERCENT", help="fail below that")
     options = parser.parse_args()
     install_reader()
-    files = hits_by_file(run_tests())
+    tests, program = build()
+    run_all(tests, program)
     folders = defaultdict(lambda: [0, 0])
-    for path, hits in sorted(files.items()):
+    for path, hits in sorted(hits_by_file([*tests, program]).items()):
         hits = without_tests(path, hits)
         missed = [line for line, count in hits.items() if count == 0]
-        folder = path.relative_to(ROOT).parent
-        for name in {str(folder), "all"}:
+        for name in {str(path.relative_to(ROOT).parent), "all"}:
             folders[name][0] += len(hits)
             folders[name][1] += len(hits) - len(missed)
         if options.missed and missed:
             print(f"{path.relative_to(ROOT)}: {' '.join(map(str, missed))}")
+    percent = lambda lines, covered: 100 * covered / max(lines, 1)
     print(f"{'folder':40} {'lines':>7} {'run':>7} {'%':>6}")
-    for name, (lines, covered) in sorted(folders.items(), key=lambda item: (item[0] == "all", item[0])):
-        print(f"{name:40} {lines:7} {covered:7} {100 * covered / max(lines, 1):6.1f}")
+    for name, counts in sorted(folders.items(), key=lambda item: (item[0] == "all", item[0])):
+        print(f"{name:40} {counts[0]:7} {counts[1]:7} {percent(*counts):6.1f}")
+    if percent(*folders["all"]) < options.least:
+        sys.exit(f"less than {options.least:g} % of the lines are run; --missed lists the others")
 
 
 if __name__ == "__main__":

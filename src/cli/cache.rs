@@ -119,7 +119,7 @@ fn stages(kept: &[Kept]) -> Table {
         let (count, bytes, seconds) = stages.entry(&one.key.stage).or_default();
         *count += 1;
         *bytes += one.bytes;
-        *seconds += one.made.as_ref().map_or(0.0, |(_, seconds)| *seconds);
+        *seconds += one.entry.as_ref().map_or(0.0, |entry| entry.seconds);
     }
     let mut table = Table::new(["stage", "results", "size", "made in"]);
     for (stage, (count, bytes, seconds)) in stages {
@@ -136,8 +136,8 @@ fn stages(kept: &[Kept]) -> Table {
 fn results(kept: &[&Kept]) -> Table {
     let mut table = Table::new(["hash", "size", "made in", "task"]);
     for one in kept {
-        let (label, seconds) = match &one.made {
-            Some((label, seconds)) => (label.clone(), duration(*seconds)),
+        let (label, seconds) = match &one.entry {
+            Some(entry) => (entry.label.clone(), duration(entry.seconds)),
             None => ("damaged".to_owned(), String::new()),
         };
         table.push([

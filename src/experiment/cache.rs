@@ -35,24 +35,24 @@ pub enum State {
 }
 
 /// A result in the cache, as [`Cache::kept`] lists it.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug)]
 pub struct Kept {
     pub key: Key,
-    /// Of the task that made it, and the wall-clock time that took, s; absent when its `entry.json`
-    /// cannot be read.
-    pub made: Option<(String, f64)>,
+    /// Absent when its `entry.json` cannot be read.
+    pub entry: Option<Entry>,
     pub bytes: u64,
 }
 
-/// The contents of `entry.json`.
+/// How a result was made: its `entry.json`.
 #[derive(Debug, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
-struct Entry {
+pub struct Entry {
     format: u32,
-    label: String,
-    recipe: Recipe,
+    /// Of the task that made it.
+    pub label: String,
+    pub recipe: Recipe,
     /// Wall-clock time that making it took.
-    seconds: f64,
+    pub seconds: f64,
     files: Vec<KeptFile>,
 }
 
@@ -139,9 +139,9 @@ impl Cache {
         Ok(())
     }
 
-    /// How long it took to make the result of `key`, s.
-    pub fn seconds(&self, key: &Key) -> Result<f64> {
-        Ok(read_entry(&self.folder(key))?.seconds)
+    /// How the result of `key` was made. Fails when there is none.
+    pub fn entry(&self, key: &Key) -> Result<Entry> {
+        read_entry(&self.folder(key))
     }
 
     /// All results, whole or not, by stage and hash.
@@ -160,7 +160,7 @@ impl Cache {
                 }
                 kept.push(Kept {
                     key: Key { stage, hash },
-                    made: read_entry(&folder).ok().map(|e| (e.label, e.seconds)),
+                    entry: read_entry(&folder).ok(),
                     bytes,
                 });
             }
@@ -382,7 +382,7 @@ mod tests {
     fn what_is_kept_is_listed_and_can_be_removed() {
         let folder = tempfile::tempdir().unwrap();
         let cache = Cache::new(folder.path());
-        assert_eq!(cache.kept().unwrap(), []);
+        assert!(cache.kept().unwrap().is_empty());
         let recipes = [recipe(json!({ "x": 1 })), recipe(json!({ "x": 2 }))];
         for recipe in &recipes {
             cache.make(recipe, "two", write_two).unwrap();
@@ -394,7 +394,7 @@ mod tests {
         assert!(kept.iter().map(|k| &k.key).eq(&keys));
         for one in &kept {
             let is_whole = one.key == recipes[0].key();
-            assert_eq!(one.made.is_some(), is_whole);
+            assert_eq!(one.entry.is_some(), is_whole);
             assert_eq!(one.bytes == 4, !is_whole);
         }
         cache.remove(&recipes[0].key()).unwrap();

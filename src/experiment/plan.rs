@@ -24,13 +24,14 @@ pub struct Planned {
     pub state: State,
 }
 
-/// What became of a task.
+/// A task that the results of a run rest on.
 #[derive(Debug, Clone, serde::Serialize)]
 pub struct TaskRecord {
     pub label: String,
     pub key: Key,
+    /// Whether an earlier run had made it.
     pub cached: bool,
-    /// What making it took, in this run or an earlier one.
+    /// Wall-clock time that making it took, in this run or the earlier one.
     pub seconds: f64,
 }
 
@@ -135,31 +136,47 @@ impl Plan {
 
     /// Runs what must run, one task after the other; each uses all threads.
     pub fn execute(&self, cache: &Cache, display: &Display) -> Result<Vec<TaskRecord>> {
+        for planned in self.to_run() {
+            let task = &planned.task;
+            let inputs: Vec<PathBuf> = planned
+                .recipe
+                .inputs
+                .iter()
+                .map(|key| cache.folder(key))
+                .collect();
+            display.start(&**task);
+            cache
+                .make(&planned.recipe, &task.label(), |out| {
+                    task.run(&inputs, out, &|steps| display.advance(steps))
+                })
+                .with_context(|| task.label())?;
+            display.finish();
+        }
+        Ok(self.records(cache))
+    }
+
+    /// The tasks of the plan in their order, then those that cached ones were made from, so far as
+    /// their results are still there.
+    fn records(&self, cache: &Cache) -> Vec<TaskRecord> {
+        let run: BTreeSet<&Key> = self.to_run().map(|planned| &planned.key).collect();
+        let mut keys: Vec<Key> = self.tasks.iter().map(|t| t.key.clone()).collect();
+        let mut seen: BTreeSet<Key> = keys.iter().cloned().collect();
         let mut records = Vec::new();
-        for planned in &self.tasks {
-            if planned.state != State::Ready {
-                let task = &planned.task;
-                let inputs: Vec<PathBuf> = planned
-                    .recipe
-                    .inputs
-                    .iter()
-                    .map(|key| cache.folder(key))
-                    .collect();
-                display.start(&**task);
-                cache
-                    .make(&planned.recipe, &task.label(), |out| {
-                        task.run(&inputs, out, &|steps| display.advance(steps))
-                    })
-                    .with_context(|| task.label())?;
-                display.finish();
-            }
+        let mut next = 0;
+        while let Some(key) = keys.get(next).cloned() {
+            next += 1;
+            let Ok(entry) = cache.entry(&key) else {
+                continue;
+            };
+            let inputs = entry.recipe.inputs.into_iter();
+            keys.extend(inputs.filter(|input| seen.insert(input.clone())));
             records.push(TaskRecord {
-                label: planned.task.label(),
-                key: planned.key.clone(),
-                cached: planned.state == State::Ready,
-                seconds: cache.seconds(&planned.key)?,
+                label: entry.label,
+                cached: !run.contains(&key),
+                seconds: entry.seconds,
+                key,
             });
         }
-        Ok(records)
+        records
     }
 }

@@ -115,12 +115,7 @@ impl Told {
             text.push_str("\n\nNot yet run at the paper's scale.\n");
             return Ok(text);
         };
-        writeln!(
-            text,
-            " (ours, by `{}`: {})\n",
-            results.command(),
-            results.cost()
-        )?;
+        writeln!(text, " (ours: {})\n", results.cost())?;
         // Contact sheets and the like can be looked at in the folder.
         for name in results.files(&["png"], id)? {
             if name == *id || name == "images" {

@@ -87,13 +87,7 @@ impl Results {
 
     /// What the run took, in words.
     pub fn cost(&self) -> String {
-        let mut text = match self.manifest["wall_seconds"].as_f64() {
-            Some(seconds) => duration(seconds),
-            None => "unknown time".to_owned(),
-        };
-        if let Some(megabytes) = self.manifest["peak_megabytes"].as_f64() {
-            text.push_str(&format!(", {megabytes:.0} MB at most"));
-        }
+        let mut text = String::new();
         let steps = self.manifest["tasks"].as_array().into_iter().flatten();
         let is_cached = |step: &&Value| step["cached"] == true;
         let cached: Vec<&Value> = steps.filter(is_cached).collect();
@@ -101,9 +95,14 @@ impl Results {
             let seconds = cached.iter().filter_map(|step| step["seconds"].as_f64());
             let (count, made) = (cached.len(), duration(seconds.sum()));
             let steps = if count == 1 { "step" } else { "steps" };
-            text.push_str(&format!(
-                "; {count} {steps} had been made before, in {made}"
-            ));
+            text.push_str(&format!("{count} {steps} made before in {made}, then "));
+        }
+        match self.manifest["wall_seconds"].as_f64() {
+            Some(seconds) => text.push_str(&duration(seconds)),
+            None => text.push_str("unknown time"),
+        }
+        if let Some(megabytes) = self.manifest["peak_megabytes"].as_f64() {
+            text.push_str(&format!(", {megabytes:.0} MB at most"));
         }
         text
     }
