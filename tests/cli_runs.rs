@@ -405,6 +405,75 @@ fn runs_are_compared_and_the_cache_is_kept() {
     assert_eq!(run(&["diff", "a", "d"]).0, Some(0));
 }
 
+/// Bounds from ten seeds hold the results of one; a result that is changed by hand is outside, unless it is
+/// what bounds are made around.
+#[test]
+fn bounds_hold_what_they_were_made_from() {
+    let repository = Repository::new();
+    let run = |arguments: &[&str]| {
+        let output = repository.command(arguments).output().unwrap();
+        let said = text(&output.stdout);
+        (output.status.code(), said, text(&output.stderr))
+    };
+    let (code, _, complaint) = run(&["bounds", "speed"]);
+    assert_eq!(code, Some(2));
+    assert!(complaint.contains("study speed does not say what is to be bounded"));
+    assert_eq!(run(&["bounds", "fig2", "--seeds", "10"]).0, Some(0));
+    assert_eq!(names(&repository.path("tests/bounds")), ["smoke.toml"]);
+    let (code, _, complaint) = run(&["check"]);
+    assert_eq!(code, Some(2));
+    assert!(complaint.contains("run `armpose experiment all --profile smoke`"));
+
+    let fig2 = ["experiment", "fig2", "--profile", "smoke"];
+    assert_eq!(run(&fig2).0, Some(0));
+    let (code, said, _) = run(&["check"]);
+    assert_eq!(code, Some(0), "{said}");
+    let file = "results/smoke/fig2/summary.csv";
+    let summary = fs::read_to_string(repository.path(file)).unwrap();
+    let line = summary.lines().nth(1).unwrap();
+    let value = line.split(',').nth(2).unwrap();
+    repository.edit(file, value, &format!("1{value}"));
+    let (code, said, _) = run(&["check"]);
+    assert_eq!((code, said.matches(" OUTSIDE ").count()), (Some(1), 1));
+    assert_eq!(run(&["bounds", "fig2", "--as-it-is"]).0, Some(0));
+    assert_eq!(run(&["check"]).0, Some(0));
+}
+
+#[test]
+fn studies_are_listed_and_shown() {
+    let here = Path::new(env!("CARGO_MANIFEST_DIR"));
+    let run = |arguments: &[&str]| {
+        let mut command = Command::new(env!("CARGO_BIN_EXE_armpose"));
+        let output = command.args(arguments).current_dir(here).output().unwrap();
+        assert_eq!(output.status.code(), Some(0), "{}", text(&output.stderr));
+        text(&output.stdout)
+    };
+    let list = run(&["experiment", "list"]);
+    let listed = list
+        .lines()
+        .skip(1)
+        .filter_map(|l| l.split_whitespace().next());
+    let files = names(&here.join("experiments"));
+    let studies = files.iter().map(|file| file.trim_end_matches(".toml"));
+    assert!(listed.eq(studies), "{list}");
+    let folder = here.join("results/paper/fig9/claims.json");
+    let claims: serde_json::Value =
+        serde_json::from_str(&fs::read_to_string(folder).unwrap()).unwrap();
+    let claims = claims.as_array().unwrap();
+    let held = claims
+        .iter()
+        .filter(|c| c["verdict"] == "reproduced")
+        .count();
+    let row = list.lines().find(|l| l.starts_with("fig9 ")).unwrap();
+    let verdicts = format!(" {held} of {}", claims.len());
+    assert!(row.trim_end().ends_with(&verdicts), "{row}");
+
+    let shown = run(&["experiment", "show", "fig9", "--set", "protocol.folds=4"]);
+    assert!(shown.starts_with("fig9: "), "{shown}");
+    assert!(shown.contains("\nfolds = 4\n"), "{shown}");
+    assert!(shown.contains("\nfile: experiments/fig9.toml\n"), "{shown}");
+}
+
 #[test]
 fn the_spread_over_seeds_is_told() {
     let repository = Repository::new();

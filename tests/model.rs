@@ -358,6 +358,27 @@ fn where_there_is_no_arm_none_is_seen() {
     let answer = &workshop.estimate("model", &[text(&wall)])[0];
     assert_eq!(answer["arm_visible"], false);
     assert!(answer["joints"].is_null() && answer["spread"].is_null());
+
+    // As text, beside an image with the arm.
+    let (model, image) = (workshop.at("model"), workshop.test_image(0));
+    let said = says(&[
+        "estimate",
+        "--model",
+        text(&model),
+        text(&image),
+        text(&wall),
+    ]);
+    let joints = &workshop.estimate("model", &[text(&image)])[0]["joints"];
+    let shown = |joint: &str, column: &str| {
+        let value = joints[column].as_f64().unwrap();
+        format!("\n  {joint:8}  {value:>8.4} rad, spread ")
+    };
+    assert!(said.starts_with(&format!("{}: ", text(&image))), "{said}");
+    assert!(said.contains(&shown("shoulder", "shoulder_rad")), "{said}");
+    assert!(said.contains(&shown("elbow", "elbow_rad")), "{said}");
+    let least = Model::load(&model).unwrap().record().least_arm_pixels;
+    let unseen = format!("\n  the arm is not visible: that takes {least} pixels\n");
+    assert!(said.ends_with(&unseen), "{said}");
 }
 
 /// Whatever is wrong with an NPY file, one sentence tells it, and nothing is allocated by its word.
