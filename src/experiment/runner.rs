@@ -79,11 +79,14 @@ impl Run<'_> {
             let (started, clock) = (SystemTime::now(), Instant::now());
             let plan = self.plan_with(&cook, std::slice::from_ref(study))?;
             let tasks = plan.execute(self.cache, &display)?;
+            let mut listed = BTreeSet::new();
+            for task in self.tasks(study)? {
+                listed.insert(cook.recipe(&*task)?.key());
+            }
             let done = |task: &dyn Task| {
                 let key = cook.recipe(task)?.key();
-                let is_listed = tasks.iter().any(|record| record.key == key);
                 ensure!(
-                    is_listed,
+                    listed.contains(&key),
                     "the study does not list the task `{}`",
                     task.label()
                 );
