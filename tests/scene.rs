@@ -3,7 +3,8 @@
 use armpose::random::{Stream, stream, uniform};
 use armpose::robot::{Link, Mesh};
 use armpose::scene::{
-    FurnitureSpec, PoseSampler, PoseSpec, Rig, RoomSpec, SceneError, SelfCollision, furnish,
+    FurnitureSpec, PoseSampler, PoseSpec, Rig, RobotPlace, RoomSpec, SceneError, SelfCollision,
+    furnish,
 };
 use nalgebra::{Isometry3, Point3, Vector3};
 use std::path::Path;
@@ -349,6 +350,7 @@ fn rooms_leave_the_robot_alone_and_stay_within_their_walls() {
         shelves: [1, 2],
         tables: [1, 2],
         chairs: [2, 4],
+        clutter: [1, 3],
         clearance: 1.0,
     };
     let mut pieces = 0;
@@ -358,7 +360,8 @@ fn rooms_leave_the_robot_alone_and_stay_within_their_walls() {
         let root_from_link = rig.robot.forward_kinematics(&q);
         let root_from_camera = rig.camera_from_root(&root_from_link).inverse();
         let boxes = collision.boxes(&root_from_link);
-        let mesh = furnish(&room, &furniture, &root_from_camera, &boxes, &mut s);
+        let place = RobotPlace::Taken(&boxes);
+        let mesh = furnish(&room, &furniture, &root_from_camera, place, &mut s).mesh;
         let camera = Point3::from(root_from_camera.translation.vector);
         // The room is the first box: 8 vertices, seen from inside.
         let (walls, things) = mesh.vertices.split_at(8);
@@ -394,6 +397,7 @@ fn a_camera_that_looks_straight_down_has_a_room_too() {
         shelves: [0; 2],
         tables: [0; 2],
         chairs: [0; 2],
+        clutter: [0; 2],
         clearance: 0.0,
     };
     let mut s = stream(1, "down test", &[]);
@@ -401,7 +405,8 @@ fn a_camera_that_looks_straight_down_has_a_room_too() {
     // Turned over about x, the camera looks down with its image's upper edge towards +y.
     let down = Isometry3::rotation(Vector3::z() * yaw)
         * Isometry3::rotation(Vector3::x() * std::f64::consts::PI);
-    let mesh = furnish(&room, &none, &down, &[], &mut s);
+    let nobody = RobotPlace::Taken(&[]);
+    let mesh = furnish(&room, &none, &down, nobody, &mut s).mesh;
     let upper_edge = down * -Vector3::y();
     let ahead = mesh
         .vertices

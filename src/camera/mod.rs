@@ -34,6 +34,16 @@ pub struct Image<T> {
 
 /// z-depth in millimetres, 0 = invalid.
 pub type DepthImage = Image<u16>;
+
+impl DepthImage {
+    /// The median of the valid depths, of two the larger; `None` when no pixel is valid.
+    pub fn median_mm(&self) -> Option<u16> {
+        let mut valid: Vec<u16> = self.pixels.iter().copied().filter(|&mm| mm > 0).collect();
+        let middle = valid.len() / 2;
+        (!valid.is_empty()).then(|| *valid.select_nth_unstable(middle).1)
+    }
+}
+
 /// What is seen at a pixel: 0 = background, otherwise 1 + the index of a robot link.
 pub type LabelImage = Image<u8>;
 

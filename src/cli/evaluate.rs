@@ -1,15 +1,13 @@
 //! `armpose evaluate`: a model against images whose joints are known.
 
 use super::overlay::{Overlays, rig_of};
+use super::ruler::Ruler;
 use super::{progress_bar, say, use_threads};
 use anyhow::{Context, Result, ensure};
 use armpose::dataset::DataSet;
-use armpose::estimator::error::{angle_error, tip_error};
 use armpose::experiment::statistics::{mean, quantile, spearman};
 use armpose::experiment::table::{Cell, Table};
-use armpose::model::{Estimate, JointRecord, Model, ModelRecord, Unit};
-use armpose::pose_space::disp::Disp;
-use armpose::scene::{Arm, Rig};
+use armpose::model::{Estimate, JointRecord, Model, ModelRecord};
 use std::path::PathBuf;
 use std::process::ExitCode;
 
@@ -21,8 +19,11 @@ use std::process::ExitCode;
 /// joint: the mean and the median of the absolute error, in degrees (mm for joints that slide), beside
 /// that of always answering with the mean pose of the training images, which any model must beat.
 /// Below: the mean over the joints that turn, the distance between the true and the estimated tip, and
-/// DISP, the distance of the arm's farthest point from where it should be. All over the images in which
-/// the model sees the arm; whether it should is told first.
+/// DISP, the distance of the arm's farthest point from where it should be. All over the images that show
+/// the robot and in which the model sees the arm.
+///
+/// Whether it sees the arm where it should, and sees none where there is no robot, is told first: a set
+/// holds images without the robot by its without_robot. Arms found in these are false.
 ///
 /// Rank correlations over the images tell what the numbers that come with an estimate are worth: that of
 /// a joint's spread with its error (1: the larger the spread, the larger the error; 0: it tells nothing),
@@ -92,7 +93,7 @@ pub fn run(arguments: &Arguments) -> Result<ExitCode> {
         }
         looked.push(Looked {
             shown_pixels: of_set.images[image].arms[set.target()],
-            truth: set.pose(image).to_vec(),
+            truth: (!of_set.images[image].without_robot).then(|| set.pose(image).to_vec()),
             estimate,
         });
         bar.inc(1);
@@ -112,64 +113,23 @@ pub fn run(arguments: &Arguments) -> Result<ExitCode> {
 struct Looked {
     /// Valid pixels that show the arm.
     shown_pixels: usize,
-    truth: Vec<f64>,
+    /// Absent where there is no robot.
+    truth: Option<Vec<f64>>,
     estimate: Estimate,
-}
-
-/// Measures the errors of a pose.
-struct Ruler<'a> {
-    record: &'a ModelRecord,
-    rig: &'a Rig,
-    arm: &'a Arm,
-    disp: Disp<'a>,
-}
-
-impl<'a> Ruler<'a> {
-    fn new(record: &'a ModelRecord, rig: &'a Rig) -> Result<Ruler<'a>> {
-        let arm = rig.arm(&record.arm).context("the robot lost its arm")?;
-        let names: Vec<&str> = record.joints.iter().map(|j| j.name.as_str()).collect();
-        Ok(Ruler {
-            record,
-            rig,
-            arm: &rig.arms[arm],
-            disp: Disp::new(&rig.robot, &names)?,
-        })
-    }
-
-    /// The names of what [`Ruler::measure`] measures, each with its unit.
-    fn columns(&self) -> Vec<String> {
-        let joint = |joint: &JointRecord| match joint.unit {
-            Unit::Rad => format!("{}_deg", joint.name),
-            Unit::M => format!("{}_mm", joint.name),
-        };
-        let rest = ["all_turning_deg", "tip_mm", "disp_mm"].map(str::to_owned);
-        self.record.joints.iter().map(joint).chain(rest).collect()
-    }
-
-    fn measure(&self, truth: &[f64], pose: &[f64]) -> Vec<f64> {
-        let (mut errors, mut turning) = (Vec::new(), Vec::new());
-        for (joint, (&t, &e)) in self.record.joints.iter().zip(truth.iter().zip(pose)) {
-            errors.push(match joint.unit {
-                Unit::Rad => angle_error(t, e).to_degrees(),
-                Unit::M => 1000.0 * (t - e).abs(),
-            });
-            if joint.unit == Unit::Rad {
-                turning.extend(errors.last());
-            }
-        }
-        let Arm { tip, joints, .. } = self.arm;
-        errors.push(mean(&turning));
-        errors.push(1000.0 * tip_error(&self.rig.robot, *tip, joints, truth, pose));
-        errors.push(1000.0 * self.disp.distance(truth, pose));
-        errors
-    }
 }
 
 /// A row for each image.
 fn per_image(ruler: &Ruler, looked: &[Looked]) -> Table {
-    let mut columns: Vec<String> = ["image", "shown_px", "arm_px", "arm_found", "confidence"]
-        .map(str::to_owned)
-        .to_vec();
+    let mut columns: Vec<String> = [
+        "image",
+        "robot",
+        "shown_px",
+        "arm_px",
+        "arm_found",
+        "confidence",
+    ]
+    .map(str::to_owned)
+    .to_vec();
     let joints = ruler.record.joints.iter().map(JointRecord::column);
     columns.extend(joints.flat_map(|joint| [format!("spread_{joint}"), joint]));
     columns.extend(ruler.columns().iter().map(|name| format!("error_{name}")));
@@ -179,40 +139,50 @@ fn per_image(ruler: &Ruler, looked: &[Looked]) -> Table {
         let Estimate { sure_pixels, pose } = &looked.estimate;
         let mut row: Vec<Cell> = vec![
             image.into(),
+            usize::from(looked.truth.is_some()).into(),
             looked.shown_pixels.into(),
             sure_pixels.map_or_else(missing, Cell::from),
             usize::from(pose.is_some()).into(),
         ];
-        match pose {
-            Some(pose) => {
-                row.push(pose.confidence.into());
-                let joints = pose.spread.iter().zip(&pose.values);
-                row.extend(joints.flat_map(|(&spread, &value)| [spread.into(), value.into()]));
-                let errors = ruler.measure(&looked.truth, &pose.values);
+        if let Some(pose) = pose {
+            row.push(pose.confidence.into());
+            let joints = pose.spread.iter().zip(&pose.values);
+            row.extend(joints.flat_map(|(&spread, &value)| [spread.into(), value.into()]));
+            if let Some(truth) = &looked.truth {
+                let errors = ruler.measure(truth, &pose.values);
                 row.extend(errors.into_iter().map(Cell::from));
             }
-            None => row.resize_with(table.columns.len(), missing),
         }
+        row.resize_with(table.columns.len(), missing);
         table.push(row);
     }
     table
 }
 
-/// How many images show the arm, and in how many it is found.
+/// How many images show the arm, and in how many it is found. Rows without any image are left out.
 fn visibility(record: &ModelRecord, looked: &[Looked]) -> Table {
     let mut table = Table::new(["images", "arm_found", "arm_not_found"]);
     let least = record.least_arm_pixels;
-    for (name, shows) in [
-        (format!("arm shown ({least} pixels or more)"), true),
-        ("arm not shown".to_owned(), false),
-    ] {
-        let count = |found: bool| {
-            let fits = |one: &&Looked| {
-                (one.shown_pixels >= least) == shows && one.estimate.pose.is_some() == found
-            };
-            looked.iter().filter(fits).count()
-        };
-        table.push([name.into(), count(true).into(), count(false).into()]);
+    type Fits = fn(&Looked, usize) -> bool;
+    let rows: [(String, Fits); 3] = [
+        (
+            format!("the arm shows {least} pixels or more"),
+            |one, least| one.truth.is_some() && one.shown_pixels >= least,
+        ),
+        ("it shows fewer".to_owned(), |one, least| {
+            one.truth.is_some() && one.shown_pixels < least
+        }),
+        ("there is no robot".to_owned(), |one, _| one.truth.is_none()),
+    ];
+    for (name, fits) in rows {
+        let of_kind: Vec<&Looked> = looked.iter().filter(|one| fits(one, least)).collect();
+        let found = of_kind
+            .iter()
+            .filter(|one| one.estimate.pose.is_some())
+            .count();
+        if !of_kind.is_empty() {
+            table.push([name.into(), found.into(), (of_kind.len() - found).into()]);
+        }
     }
     table
 }
@@ -225,15 +195,15 @@ fn summary(ruler: &Ruler, looked: &[Looked]) -> String {
     let (mut errors, mut constant) = (Vec::new(), Vec::new());
     let (mut spreads, mut confidences) = (Vec::new(), Vec::new());
     for one in looked {
-        if let Some(pose) = &one.estimate.pose {
-            errors.push(ruler.measure(&one.truth, &pose.values));
-            constant.push(ruler.measure(&one.truth, &ruler.record.mean_pose));
+        if let (Some(pose), Some(truth)) = (&one.estimate.pose, &one.truth) {
+            errors.push(ruler.measure(truth, &pose.values));
+            constant.push(ruler.measure(truth, &ruler.record.mean_pose));
             spreads.push(pose.spread.clone());
             confidences.push(pose.confidence);
         }
     }
     if errors.is_empty() {
-        return "the arm is found in no image\n".to_owned();
+        return "the arm is found in no image of the robot\n".to_owned();
     }
     let mut table = Table::new([
         "error",

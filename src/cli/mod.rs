@@ -12,6 +12,7 @@ mod experiment;
 mod overlay;
 mod report;
 mod robot;
+mod ruler;
 mod train;
 
 use anyhow::{Context, Result};

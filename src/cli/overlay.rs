@@ -77,10 +77,13 @@ impl<'a> Overlays<'a> {
         depth: &DepthImage,
         pose: Option<&PoseEstimate>,
     ) -> Result<()> {
-        let configuration = set.configuration(image, &self.rig.robot)?;
         let mut picture = cloud(depth, &self.record.range);
         let camera_from_root = set.camera_from_root_of(image);
-        self.draw(&mut picture, &configuration, camera_from_root, KNOWN);
+        let mut configuration = self.rig.robot.rest();
+        if !set.record().images[image].without_robot {
+            configuration = set.configuration(image, &self.rig.robot)?;
+            self.draw(&mut picture, &configuration, camera_from_root, KNOWN);
+        }
         self.draw_pose(&mut picture, configuration, camera_from_root, pose);
         self.write(
             &format!("{image:06}"),

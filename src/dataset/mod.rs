@@ -3,7 +3,8 @@
 //! ```text
 //! depth/000000.png   16-bit grey, z-depth in mm, 0 = invalid
 //! label/000000.png   8-bit grey, 0 = background, else 1 + link index, for links of the arms
-//! joints.csv         image, then every joint in rad or m, the target arm's pose y first
+//! joints.csv         image, then every joint in rad or m, the target arm's pose y first; empty cells
+//!                    where the image does not show the robot
 //! camera.json        intrinsics, and the camera's nominal pose in the robot's root frame
 //! set.json           specification, seed, meaning of labels, pixel counts, the camera's pose in each
 //!                    image where it is jittered, hashes of all files
@@ -18,6 +19,7 @@ mod record;
 mod sampling;
 mod sheet;
 mod spec;
+mod studio;
 
 pub use generate::generate;
 pub use portrait::portrait;
@@ -26,6 +28,7 @@ pub use record::{ArmRecord, CameraRecord, FORMAT, ImageRecord, LabelRecord, SetR
 pub use sampling::{Pixel, draw_pixels, folds, sample_pixels};
 pub use sheet::{SheetStyle, contact_sheet, viridis};
 pub use spec::{SetSpec, VisibilitySpec};
+pub use studio::{Shot, Studio};
 
 use crate::camera::png::{PngError, read_depth, read_labels};
 use crate::camera::{CameraError, DepthImage, LabelImage};
@@ -100,7 +103,7 @@ pub struct DataSet {
     circular: Circular,
     /// The names of the columns of joints.csv, the target's pose y first.
     joints: Vec<String>,
-    /// One row for each image.
+    /// One row for each image, empty where it does not show the robot.
     values: Vec<Vec<f64>>,
 }
 
@@ -109,7 +112,7 @@ pub struct DataSet {
 pub struct Frame {
     pub depth: DepthImage,
     pub labels: LabelImage,
-    /// The target arm's pose y, rad (m for joints that slide).
+    /// The target arm's pose y, rad (m for joints that slide); empty where there is no robot.
     pub joints: Vec<f64>,
 }
 
@@ -192,7 +195,13 @@ impl DataSet {
             let message = "the columns do not start with the pose of the target arm".to_owned();
             return Err(invalid("joints.csv", message));
         }
-        for image in 0..values.len() {
+        for (image, row) in values.iter().enumerate() {
+            if row.is_empty() != record.images[image].without_robot {
+                let message = format!(
+                    "image {image} has joint values and no robot by set.json, or a robot and no values"
+                );
+                return Err(invalid("joints.csv", message));
+            }
             for file in [depth_file(image), label_file(image)] {
                 if !folder.join(&file).is_file() {
                     return Err(missing(folder, &file));
@@ -262,13 +271,19 @@ impl DataSet {
         &self.circular
     }
 
-    /// The target's pose y in an image. Panics when there is no such image.
+    /// The images that show the robot, ascending. Only these have a pose.
+    pub fn images_with_robot(&self) -> Vec<usize> {
+        let shows = |&image: &usize| !self.record.images[image].without_robot;
+        (0..self.len()).filter(shows).collect()
+    }
+
+    /// The target's pose y in an image. Panics when there is no such image, or no robot in it.
     pub fn pose(&self, image: usize) -> &[f64] {
         &self.values[image][..self.target_joints().len()]
     }
 
     /// The configuration of the whole robot in an image, from the names of the joints. Panics when
-    /// there is no such image.
+    /// there is no such image, or no robot in it.
     pub fn configuration(&self, image: usize, robot: &Robot) -> Result<Vec<f64>, DataSetError> {
         let value = |joint: &crate::robot::Joint| {
             let column = self.joints.iter().position(|name| *name == joint.name);
@@ -310,7 +325,10 @@ impl DataSet {
         Ok(Frame {
             depth: read_depth(&self.folder.join(depth_file(image)), intrinsics)?,
             labels: read_labels(&self.folder.join(label_file(image)), intrinsics)?,
-            joints: self.pose(image).to_vec(),
+            joints: match self.record.images[image].without_robot {
+                true => Vec::new(),
+                false => self.pose(image).to_vec(),
+            },
         })
     }
 
@@ -353,7 +371,8 @@ pub(crate) fn isometry(rows: &[[f64; 4]; 4]) -> Option<Isometry3<f64>> {
     nalgebra::try_convert(matrix)
 }
 
-/// Reads joints.csv: the names of the joints without their units, and a row for each image.
+/// Reads joints.csv: the names of the joints without their units, and a row for each image, which is
+/// empty when all its cells are.
 fn read_joints(path: &Path) -> Result<(Vec<String>, Vec<Vec<f64>>), DataSetError> {
     let invalid = |message: String| DataSetError::Invalid {
         path: path.to_owned(),
@@ -378,7 +397,9 @@ fn read_joints(path: &Path) -> Result<(Vec<String>, Vec<Vec<f64>>), DataSetError
     for (image, row) in reader.records().enumerate() {
         let row = row.map_err(|e| invalid(e.to_string()))?;
         let number = |text: &str| text.parse().ok().filter(|x: &f64| x.is_finite());
-        let row: Option<Vec<f64>> = row.iter().map(number).collect();
+        let is_empty = row.iter().skip(1).all(str::is_empty);
+        let cells = if is_empty { 1 } else { row.len() };
+        let row: Option<Vec<f64>> = row.iter().take(cells).map(number).collect();
         match row.as_deref() {
             Some([number, rest @ ..]) if *number == image as f64 => values.push(rest.to_vec()),
             _ => {

@@ -25,6 +25,10 @@ pub struct SetSpec {
     pub camera: PathBuf,
     /// The arm whose pose is to be estimated.
     pub target: String,
+    /// The share of images that show the room without the robot, and other things in its place: by them a
+    /// model learns to see that there is no arm. 0 to 1; [`SetSpec::is_without_robot`] says which.
+    #[serde(default = "one_in_ten", skip_serializing_if = "is_zero")]
+    pub without_robot: f64,
     /// Without it the camera stands still.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub camera_jitter: Option<CameraJitter>,
@@ -94,6 +98,12 @@ impl SetSpec {
                  rotation_deg = {rotation_deg} within 0 to 180"
             ));
         }
+        if !(0.0..=1.0).contains(&self.without_robot) {
+            return fail(format!(
+                "without_robot = {} must be a share of the images, 0 to 1",
+                self.without_robot
+            ));
+        }
         let room = &self.room;
         for (key, [low, high]) in [
             ("ahead", room.ahead),
@@ -113,6 +123,7 @@ impl SetSpec {
             ("shelves", furniture.shelves),
             ("tables", furniture.tables),
             ("chairs", furniture.chairs),
+            ("clutter", furniture.clutter),
         ] {
             if !(fewest <= most && most <= 100) {
                 return fail(format!(
@@ -121,6 +132,14 @@ impl SetSpec {
             }
         }
         Ok(())
+    }
+
+    /// Whether an image shows the room without the robot. Images come in pairs with and without it, since
+    /// a model's segmentation is trained in halves, on every second image; the pairs lie evenly.
+    pub fn is_without_robot(&self, image: usize) -> bool {
+        let pairs = |count: usize| (count as f64 * self.without_robot).floor();
+        let pair = image / 2;
+        pairs(pair + 1) > pairs(pair)
     }
 
     /// The `robot.toml` of the set.
@@ -140,6 +159,15 @@ impl SetSpec {
         arm_pixels.iter().sum::<usize>() >= visibility.robot_pixels
             && (exempt || arm_pixels[target] >= visibility.target_pixels)
     }
+}
+
+fn one_in_ten() -> f64 {
+    0.1
+}
+
+/// Sets without such images are written as they were before there were any: their hashes stay.
+fn is_zero(share: &f64) -> bool {
+    *share == 0.0
 }
 
 /// File names number images with six digits.

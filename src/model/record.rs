@@ -10,7 +10,7 @@ use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
 /// The number in `model.json` that says how a model is to be read.
-pub const FORMAT: u32 = 1;
+pub const FORMAT: u32 = 2;
 
 /// `model.json`.
 #[derive(Debug, Clone, Serialize, Deserialize)]
@@ -34,6 +34,8 @@ pub struct ModelRecord {
     pub least_arm_pixels: usize,
     /// The mean pose of the training images: what to say without looking.
     pub mean_pose: Vec<f64>,
+    /// The least and the greatest median depth of the training images, of their valid pixels (m).
+    pub median_depth_m: [f64; 2],
     /// The `robot.toml` of the training images, where it was when the model was trained, and the
     /// [fingerprint](crate::scene::Rig::fingerprint) of what it said. Estimates do not need it; pictures
     /// and errors in millimetres do.
@@ -111,6 +113,12 @@ impl ModelRecord {
                 "t_r = {}: choose a multiple of {} from 0 to 1",
                 self.t_r,
                 1.0 / STEPS as f64
+            ));
+        }
+        let [low, high] = self.median_depth_m;
+        if !(0.0 < low && low <= high && high <= 65.535) {
+            return Err(format!(
+                "median_depth_m = [{low}, {high}] must be depths in metres, the least first"
             ));
         }
         if self.mean_pose.len() != self.joints.len() {

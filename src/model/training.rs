@@ -19,6 +19,7 @@ use crate::scene::Rig;
 use crate::training::pose::Samples;
 use crate::training::seen::Seen;
 use crate::training::{Training, TrainingError, segmentation};
+use rayon::prelude::*;
 use std::path::Path;
 
 /// How a model is trained.
@@ -72,13 +73,14 @@ impl ModelSpec {
         }
     }
 
-    /// The sum of what [`train`] on so many images reports to its progress.
-    pub fn steps(&self, images: usize) -> u64 {
+    /// The sum of what [`train`] reports to its progress, on so many images of which so many show the
+    /// robot.
+    pub fn steps(&self, images: usize, with_robot: usize) -> u64 {
         let halves = self.segmentation.as_ref().map_or(0, |training| {
             let half = |half| half_of(training, half).steps(images_of(images, half).count());
             half(0) + half(1)
         });
-        halves + self.pose.steps(images)
+        halves + self.pose.steps(with_robot)
     }
 }
 
@@ -94,7 +96,8 @@ fn half_of(training: &Training, half: usize) -> Training {
     training
 }
 
-/// Trains a model on all images of a set. `robot` is the file of `rig`, the robot that the images show.
+/// Trains a model on all images of a set: to find the arm on every image, to estimate its pose on those that
+/// show the robot. `robot` is the file of `rig`, the robot that the images show.
 ///
 /// The pose forest must learn from segmentations with the faults that those of new images will have, and
 /// a forest makes hardly any on images that it was trained on. So one half of the segmentation forest's
@@ -107,7 +110,7 @@ pub fn train(
     progress: Progress,
 ) -> Result<Model, TrainingError> {
     let record = record(set, rig, robot, spec)?;
-    let all: Vec<usize> = (0..set.len()).collect();
+    let shown = set.images_with_robot();
     let halves = match &spec.segmentation {
         Some(training) => Some(train_halves(set, training, progress)?),
         None => None,
@@ -127,12 +130,12 @@ pub fn train(
             sure_pixels,
         ))
     };
-    let samples = Samples::draw(set, &all, &spec.pose, Extra::Nothing, see, progress)?;
+    let samples = Samples::draw(set, &shown, &spec.pose, Extra::Nothing, see, progress)?;
     let distances;
     let objective = match spec.objective.make {
         Make::OfPoses(make) => make(&samples.poses)?,
         Make::OfDistances(make) => {
-            let poses: Vec<&[f64]> = all.iter().map(|&image| set.pose(image)).collect();
+            let poses: Vec<&[f64]> = shown.iter().map(|&image| set.pose(image)).collect();
             distances = Disp::new(&rig.robot, set.target_joints())?.matrix(&poses);
             make(&distances)?
         }
@@ -207,6 +210,13 @@ fn record(
         return Err(unsuitable(message));
     }
     let intrinsics = set.camera().intrinsics;
+    let shown = set.images_with_robot();
+    if shown.is_empty() {
+        return Err(TrainingError::Unsuitable(format!(
+            "no image of data set \"{}\" shows the robot; render one with a smaller without_robot",
+            of_set.name
+        )));
+    }
     Ok(ModelRecord {
         format: FORMAT,
         intrinsics,
@@ -216,7 +226,8 @@ fn record(
         t_r: spec.t_r,
         sigma: spec.sigma,
         least_arm_pixels: least_arm_pixels(&intrinsics),
-        mean_pose: mean_pose((0..set.len()).map(|image| set.pose(image)), set.circular()),
+        mean_pose: mean_pose(shown.iter().map(|&image| set.pose(image)), set.circular()),
+        median_depth_m: median_depths(set)?,
         robot: robot.to_owned(),
         rig: rig.fingerprint(),
         camera_from_root: set.camera().camera_from_root,
@@ -230,6 +241,18 @@ fn record(
         segmentation: spec.segmentation.clone(),
         files: Default::default(),
     })
+}
+
+/// The least and the greatest median depth of the images (m), of their valid pixels.
+fn median_depths(set: &DataSet) -> Result<[f64; 2], TrainingError> {
+    let median = |image| Ok(set.frame(image)?.depth.median_mm());
+    let medians: Vec<Option<u16>> = (0..set.len())
+        .into_par_iter()
+        .map(median)
+        .collect::<Result<_, TrainingError>>()?;
+    let metres = |mm: Option<u16>| f64::from(mm.unwrap_or(0)) / 1000.0;
+    let medians = medians.into_iter().flatten();
+    Ok([metres(medians.clone().min()), metres(medians.max())])
 }
 
 #[cfg(test)]

@@ -1,5 +1,6 @@
 //! What stands before the camera: the robot in a random pose, in a random furnished room.
 
+mod clutter;
 mod collision;
 mod furniture;
 pub mod inspect;
@@ -16,7 +17,7 @@ pub use oriented_box::OrientedBox;
 pub use overlay::{ESTIMATED, KNOWN, cloud, draw_arm};
 pub use pose::{PoseSampler, PoseSpec};
 pub use rig::{Arm, Rig};
-pub use room::{FurnitureSpec, RoomSpec, furnish};
+pub use room::{Background, FurnitureSpec, RobotPlace, RoomSpec, furnish};
 
 use crate::camera::Body;
 use crate::robot::{Mesh, RobotError};

@@ -49,6 +49,9 @@ pub struct FurnitureSpec {
     pub shelves: [usize; 2],
     pub tables: [usize; 2],
     pub chairs: [usize; 2],
+    /// Heaps of boxes, cylinders and balls, and limbs of things that are jointed as an arm is.
+    #[serde(skip_serializing_if = "is_none")]
+    pub clutter: [usize; 2],
     /// No part of any piece comes nearer to the camera than this (m).
     pub clearance: f64,
 }
@@ -60,23 +63,51 @@ impl Default for FurnitureSpec {
             shelves: [0, 1],
             tables: [0, 1],
             chairs: [0, 3],
+            clutter: [0, 3],
             clearance: 0.6,
         }
     }
 }
 
+/// Sets without clutter are written as they were before there was any: their hashes stay.
+fn is_none(range: &[usize; 2]) -> bool {
+    *range == [0, 0]
+}
+
+/// A wall that had to give way stands at least so far behind the robot (m).
+const GAP: f64 = 0.02;
+
 /// How often a place is drawn for a piece before it is left out.
 const TRIES: usize = 20;
 
-/// Builds the room and its furniture, in the root frame. Furniture stands on the floor within the
-/// walls and cuts neither the robot nor other furniture. `robot` holds the boxes of all links.
+/// The boxes of all links of the robot, in the root frame.
+#[derive(Debug, Clone, Copy)]
+pub enum RobotPlace<'a> {
+    /// The robot stands there.
+    Taken(&'a [Vec<OrientedBox>]),
+    /// The robot would stand there, but something else does.
+    Free(&'a [Vec<OrientedBox>]),
+}
+
+/// A room with all that stands in it but the robot.
+#[derive(Debug, Clone)]
+pub struct Background {
+    /// In the root frame.
+    pub mesh: Mesh,
+    /// Whether a wall or the ceiling as drawn would have cut through the robot, and was moved back.
+    pub walls_moved: bool,
+}
+
+/// Builds the room and its furniture. Furniture stands on the floor within the walls and cuts neither the
+/// robot nor other furniture. Walls leave the robot room. In the place of an absent robot stand or hang
+/// one to three pieces of clutter, unless the furniture asks for none at all.
 pub fn furnish(
     room: &RoomSpec,
     furniture: &FurnitureSpec,
     root_from_camera: &Isometry3<f64>,
-    robot: &[Vec<OrientedBox>],
+    place: RobotPlace,
     s: &mut Stream,
-) -> Mesh {
+) -> Background {
     let root_from_floor = floor_frame(root_from_camera, room.floor);
     let camera = root_from_floor.inverse() * Point3::from(root_from_camera.translation.vector);
     let floor_from_root = root_from_floor.inverse();
@@ -86,19 +117,52 @@ pub fn furnish(
             .map(|b| b.transformed(&floor_from_root))
             .collect()
     };
-    let robot: Vec<Vec<OrientedBox>> = robot.iter().map(to_floor).collect();
-    let walls = Walls::draw(room, s);
+    let in_floor_frame = |boxes: &[Vec<OrientedBox>]| boxes.iter().map(to_floor).collect();
+    let (robot, free): (Vec<_>, Vec<_>) = match place {
+        RobotPlace::Taken(boxes) => (in_floor_frame(boxes), Vec::new()),
+        RobotPlace::Free(boxes) => (Vec::new(), in_floor_frame(boxes)),
+    };
+    let mut walls = Walls::draw(room, s);
+    let walls_moved = walls.give_way(robot.iter().flatten());
 
     let mut standing = Piece::default();
+    let in_the_way = |b: &OrientedBox, walls: &Walls| {
+        !walls.hold(b) || b.distance(&camera) < furniture.clearance
+    };
+    let stand_ins: Vec<&OrientedBox> = free.iter().flatten().collect();
+    if !stand_ins.is_empty() && furniture.clutter[1] > 0 {
+        for _ in 0..1 + below(s, 3) {
+            let piece = Piece::clutter(s);
+            for _ in 0..TRIES {
+                let at = stand_ins[below(s, stand_ins.len())].centre;
+                let hangs = below(s, 2) == 0;
+                let mut place = stand(at.x, at.y, uniform(s, -2.0, 2.0) * FRAC_PI_2);
+                place.translation.z = if hangs { at.z.max(0.0) } else { 0.0 };
+                let placed = piece.clone().placed(&place);
+                if !placed.boxes.iter().any(|b| in_the_way(b, &walls))
+                    && !any_overlap(&placed.boxes, &standing.boxes)
+                {
+                    standing.join(placed);
+                    break;
+                }
+            }
+        }
+    }
     type Build = fn(&mut Stream) -> Piece;
     let kinds = [
         (Piece::closet as Build, true, furniture.closets),
         (Piece::shelf, true, furniture.shelves),
         (Piece::table, false, furniture.tables),
         (Piece::chair, false, furniture.chairs),
+        (Piece::clutter, false, furniture.clutter),
     ];
     for (build, by_the_wall, [fewest, most]) in kinds {
-        for _ in 0..fewest + below(s, most.saturating_sub(fewest) + 1) {
+        // Nothing is drawn for what there is none of: rooms without clutter stay as they were.
+        let count = match most {
+            0 => 0,
+            _ => fewest + below(s, most.saturating_sub(fewest) + 1),
+        };
+        for _ in 0..count {
             let piece = build(s);
             for _ in 0..TRIES {
                 let place = if by_the_wall {
@@ -107,9 +171,7 @@ pub fn furnish(
                     walls.place_free(s)
                 };
                 let placed = piece.clone().placed(&place);
-                let in_the_way =
-                    |b: &OrientedBox| !walls.hold(b) || b.distance(&camera) < furniture.clearance;
-                if !placed.boxes.iter().any(in_the_way)
+                if !placed.boxes.iter().any(|b| in_the_way(b, &walls))
                     && !any_overlap(&placed.boxes, &standing.boxes)
                     && !robot.iter().any(|link| any_overlap(&placed.boxes, link))
                 {
@@ -121,7 +183,10 @@ pub fn furnish(
     }
     let mut background = walls.mesh();
     background.append(&standing.mesh);
-    background.transformed(&root_from_floor)
+    Background {
+        mesh: background.transformed(&root_from_floor),
+        walls_moved,
+    }
 }
 
 /// `root_from_floor`, see the head of this module. Where the camera looks straight up or down, the
@@ -152,6 +217,23 @@ impl Walls {
             low: Point3::new(-draw(room.aside), -draw(room.behind), 0.0),
             high: Point3::new(draw(room.aside), draw(room.ahead), draw(room.height)),
         }
+    }
+
+    /// Moves walls and ceiling back until the boxes lie before them, and says whether any had to move.
+    /// The floor stays.
+    fn give_way<'a>(&mut self, boxes: impl Iterator<Item = &'a OrientedBox>) -> bool {
+        let (low, high) = (self.low, self.high);
+        for corner in boxes.flat_map(OrientedBox::corners) {
+            for i in 0..3 {
+                if i < 2 && corner[i] < self.low[i] {
+                    self.low[i] = corner[i] - GAP;
+                }
+                if corner[i] > self.high[i] {
+                    self.high[i] = corner[i] + GAP;
+                }
+            }
+        }
+        (low, high) != (self.low, self.high)
     }
 
     /// Whether a box lies within the walls, to a tenth of a millimetre.

@@ -52,7 +52,7 @@ impl Seen {
 
     /// Draws training pixels, in the order of the samples: `foreground` of either arm and `background`
     /// others; as many in all of what is left where the image is segmented, and none where nothing is
-    /// left. `image` is its number in `set`, whose name and seed choose the pixels: they are the same for
+    /// left; all of the background where the image does not show the robot. `image` is its number in `set`, whose name and seed choose the pixels: they are the same for
     /// all forests.
     pub fn pixels(
         &self,
@@ -63,7 +63,10 @@ impl Seen {
         let record = set.record();
         let stage = format!("pixels of {}", record.name);
         let mut stream = stream(record.seed, &stage, &[image as u64]);
-        let (foreground, background) = (training.foreground, training.background);
+        let (foreground, background) = match record.images[image].without_robot {
+            true => (0, training.samples_per_image()),
+            false => (training.foreground, training.background),
+        };
         if !self.is_segmented {
             let arms = set.arm_of_label();
             return sample_pixels(&self.frame, &arms, foreground, background, &mut stream);

@@ -4,7 +4,7 @@ use crate::Progress;
 use crate::dataset::{self, SetSpec};
 use crate::experiment::task::{Cost, Stage, Task};
 use crate::scene::Rig;
-use anyhow::{Result, bail};
+use anyhow::{Result, bail, ensure};
 use std::path::{Path, PathBuf};
 
 /// Generates the set that `data/sets/<name>.toml` specifies.
@@ -19,6 +19,11 @@ impl DataSetTask {
         let path = root.join("data/sets").join(format!("{name}.toml"));
         let mut spec = SetSpec::read(&path)?;
         spec.images = images;
+        ensure!(
+            spec.without_robot == 0.0,
+            "{}: studies compare poses and need the robot in every image; set without_robot = 0",
+            path.display()
+        );
         Ok(DataSetTask { spec, seed })
     }
 

@@ -7,7 +7,7 @@ use crate::experiment::manifest::timing_conditions;
 use crate::experiment::task::{Cost, Stage, Task, read_json};
 use crate::random::stream;
 use crate::robot::Mesh;
-use crate::scene::{PoseSampler, Rig, furnish, robot_bodies, room_body};
+use crate::scene::{PoseSampler, Rig, RobotPlace, furnish, robot_bodies, room_body};
 use anyhow::Result;
 use serde::{Deserialize, Serialize};
 use std::hint::black_box;
@@ -41,7 +41,8 @@ impl CrowdedScene {
         let root_from_link = rig.robot.forward_kinematics(&pose);
         let root_from_camera = rig.camera_from_root(&root_from_link).inverse();
         let (room, furniture) = (&spec.room, &spec.furniture);
-        let room = furnish(room, furniture, &root_from_camera, &[], &mut random);
+        let nobody = RobotPlace::Taken(&[]);
+        let room = furnish(room, furniture, &root_from_camera, nobody, &mut random).mesh;
         Ok(CrowdedScene { rig, pose, room })
     }
 

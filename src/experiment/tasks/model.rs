@@ -78,7 +78,7 @@ impl Task for ModelTask {
     }
 
     fn steps(&self) -> u64 {
-        self.spec.steps(self.set.spec.images)
+        self.spec.steps(self.set.spec.images, self.set.spec.images)
     }
 
     fn run(&self, inputs: &[PathBuf], out: &Path, progress: Progress<'_>) -> Result<()> {
