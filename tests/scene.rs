@@ -344,6 +344,7 @@ fn rooms_leave_the_robot_alone_and_stay_within_their_walls() {
         aside: [1.0, 2.6],
         behind: [1.0, 2.0],
         height: [2.4, 3.0],
+        give_way: true,
     };
     let furniture = FurnitureSpec {
         closets: [1, 2],
@@ -391,6 +392,7 @@ fn a_camera_that_looks_straight_down_has_a_room_too() {
         aside: [1.0; 2],
         behind: [1.5; 2],
         height: [3.0; 2],
+        give_way: true,
     };
     let none = FurnitureSpec {
         closets: [0; 2],

@@ -33,9 +33,10 @@ enum Command {
 ///     robot  = "my_robot.toml"
 ///     camera = "my_camera.toml"
 ///     target = "arm"               # the arm whose pose is to be estimated
+///     without_robot = 0.1          # the share of images of the room alone, by which a model learns to
+///                                  # see that there is no arm (as all that follows, it may be left out)
 ///
-///     # All that follows may be left out; these are the defaults, but for the jitter: without it the
-///     # camera stands still. Metres, radians.
+///     # These are the defaults, but for the jitter: without it the camera stands still. Metres, radians.
 ///     [camera_jitter]
 ///     translation_m = 0.02         # the camera is up to so far from its place
 ///     rotation_deg  = 1.0          # and turned by up to so much, anew in each image
@@ -54,11 +55,13 @@ enum Command {
 ///     aside  = [1.0, 2.6]
 ///     behind = [1.0, 2.0]
 ///     height = [2.4, 3.0]          # from floor to ceiling
+///     give_way = true              # walls move back where they would cut through the robot
 ///     [furniture]
 ///     closets = [0, 1]             # how many of each, at least and at most
 ///     shelves = [0, 1]
 ///     tables  = [0, 1]
 ///     chairs  = [0, 3]
+///     clutter = [0, 3]             # heaps of boxes and balls, and things that are jointed as an arm is
 ///     clearance = 0.6              # none comes nearer to the camera
 ///
 /// my_robot.toml says which arms the robot has and where the camera is:
@@ -142,6 +145,15 @@ fn render(arguments: &Render) -> Result<ExitCode> {
     };
     let sheet = arguments.out.join("contact-sheet.png");
     contact_sheet(&set, &shown, style, &sheet)?;
+    let records = &set.record().images;
+    let moved = records.iter().filter(|image| image.walls_moved).count();
+    if moved > 0 {
+        eprintln!(
+            "armpose: warning: in {moved} of {} images a wall or the ceiling of [room] would have cut \
+             through the robot and was moved back; a larger [room] leaves it as it is drawn",
+            set.len()
+        );
+    }
     say(&format!(
         "{} images in {}, drawn in {}; look at {}\n",
         set.len(),

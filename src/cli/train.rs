@@ -85,6 +85,7 @@ pub fn run(arguments: &Arguments) -> Result<ExitCode> {
 
     let mut spec = ModelSpec::of_paper(set.camera().intrinsics.width);
     spec.objective = arguments.objective;
+    spec.learn_absence = set.images_with_robot().len() < set.len();
     if arguments.no_segmentation {
         spec.segmentation = None;
     }

@@ -97,8 +97,8 @@ pub struct DataSet {
     record: SetRecord,
     camera: CameraRecord,
     camera_from_root: Isometry3<f64>,
-    /// By image; empty where the camera stands still.
-    jittered: Vec<Isometry3<f64>>,
+    /// By image; `None` where the camera stands at its nominal place.
+    jittered: Vec<Option<Isometry3<f64>>>,
     target: usize,
     circular: Circular,
     /// The names of the columns of joints.csv, the target's pose y first.
@@ -158,15 +158,17 @@ impl DataSet {
                 "camera_from_root is no rigid motion".to_owned(),
             )
         })?;
+        let jittered = |image: &ImageRecord| match &image.camera_from_root {
+            None => Some(None),
+            Some(rows) => isometry(rows).map(Some),
+        };
         let jittered = (record.images.iter())
-            .filter_map(|image| image.camera_from_root.as_ref())
-            .map(isometry)
-            .collect::<Option<Vec<_>>>();
-        let whole = |poses: &Vec<_>| poses.is_empty() || poses.len() == record.images.len();
-        let jittered = jittered.filter(whole).ok_or_else(|| {
-            let message = "a camera_from_root of the images is missing or no rigid motion";
-            invalid("set.json", message.to_owned())
-        })?;
+            .map(jittered)
+            .collect::<Option<Vec<_>>>()
+            .ok_or_else(|| {
+                let message = "a camera_from_root of the images is no rigid motion";
+                invalid("set.json", message.to_owned())
+            })?;
         let target = record
             .arms
             .iter()
@@ -251,9 +253,11 @@ impl DataSet {
     }
 
     /// The pose of the robot's root in the camera's optical frame when an image was taken: the nominal
-    /// one unless the camera is jittered.
+    /// one unless the camera stood elsewhere. Panics when there is no such image.
     pub fn camera_from_root_of(&self, image: usize) -> &Isometry3<f64> {
-        self.jittered.get(image).unwrap_or(&self.camera_from_root)
+        self.jittered[image]
+            .as_ref()
+            .unwrap_or(&self.camera_from_root)
     }
 
     /// Index of the target arm in [`SetRecord::arms`].

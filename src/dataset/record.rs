@@ -65,19 +65,15 @@ pub struct ImageRecord {
     /// Frames drawn in vain before this one because too little of the robot was seen.
     pub hidden: usize,
     /// Whether the image shows the room without the robot: then nothing is known of its joints.
-    #[serde(default, skip_serializing_if = "is_false")]
+    #[serde(default, skip_serializing_if = "std::ops::Not::not")]
     pub without_robot: bool,
     /// Whether a wall of the room had to be moved back, so that it does not cut through the robot.
-    #[serde(default, skip_serializing_if = "is_false")]
+    #[serde(default, skip_serializing_if = "std::ops::Not::not")]
     pub walls_moved: bool,
     /// Where this image was taken from, as [`CameraRecord::camera_from_root`]; absent where the camera
-    /// stands still.
+    /// stands at its nominal place.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub camera_from_root: Option<[[f64; 4]; 4]>,
-}
-
-fn is_false(value: &bool) -> bool {
-    !value
 }
 
 /// `camera.json`: the camera's geometry, for those who read the images without the robot. Where the

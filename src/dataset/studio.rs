@@ -3,9 +3,10 @@
 use super::record::{ImageRecord, rows};
 use super::{DataSetError, SetSpec};
 use crate::camera::{Camera, Photo, Photographer};
-use crate::random::{Stream, stream};
+use crate::random::{Stream, below, stream, uniform};
 use crate::scene::{
-    OrientedBox, PoseSampler, Rig, RobotPlace, SelfCollision, furnish, robot_bodies, room_body,
+    CameraJitter, OrientedBox, PoseSampler, Rig, RobotPlace, SelfCollision, furnish, robot_bodies,
+    room_body,
 };
 use nalgebra::{Isometry3, Point3};
 
@@ -160,10 +161,15 @@ impl<'a> Studio<'a> {
         })
     }
 
-    /// An image of the room, without the robot and with other things where it would stand.
+    /// An image of the room, without the robot and with other things where it would stand. Every second
+    /// one is taken from somewhere else, and every fourth shows nothing beyond some distance, as of a
+    /// camera whose range is shorter: there are more scenes without the robot than with it.
     fn shoot_room(&self, photographer: &mut Photographer, mut streams: Streams) -> Shot {
         let Streams { frames, jitter } = &mut streams;
-        let camera_from_root = self.jittered(jitter);
+        let camera_from_root = match below(jitter, 2) {
+            0 => self.jittered(jitter),
+            _ => self.elsewhere(jitter),
+        };
         let configuration = self.poses.sample(&self.rig.robot, frames);
         let boxes = (self.collision).boxes(&self.rig.robot.forward_kinematics(&configuration));
         let (room, furniture) = (&self.spec.room, &self.spec.furniture);
@@ -171,13 +177,24 @@ impl<'a> Studio<'a> {
         let place = RobotPlace::Free(&boxes);
         let background = furnish(room, furniture, &root_from_camera, place, frames);
         let body = room_body(&background.mesh, &camera_from_root);
-        let photo = photographer.photograph(&[body], frames);
+        let mut photo = photographer.photograph(&[body], frames);
+        if below(frames, 4) == 0 {
+            let range = &self.camera.range;
+            let shown_m = uniform(frames, range.near_m, range.far_m);
+            let beyond = |mm: &&mut u16| f64::from(**mm) > 1000.0 * shown_m;
+            photo
+                .depth
+                .pixels
+                .iter_mut()
+                .filter(beyond)
+                .for_each(|mm| *mm = 0);
+        }
         Shot {
             configuration: None,
             record: ImageRecord {
                 valid: photo.depth.pixels.iter().filter(|&&mm| mm > 0).count(),
                 arms: vec![0; self.rig.arms.len()],
-                camera_from_root: self.told(&camera_from_root),
+                camera_from_root: Some(rows(&camera_from_root.to_homogeneous())),
                 without_robot: true,
                 ..ImageRecord::default()
             },
@@ -191,6 +208,22 @@ impl<'a> Studio<'a> {
             Some(spec) => spec.sample(jitter) * self.camera_from_root,
             None => self.camera_from_root,
         }
+    }
+
+    /// A camera far from its place, above the floor and below the ceiling.
+    fn elsewhere(&self, jitter: &mut Stream) -> Isometry3<f64> {
+        const FAR: CameraJitter = CameraJitter {
+            translation_m: 0.8,
+            rotation_deg: 60.0,
+        };
+        let room = &self.spec.room;
+        let draw = |_| FAR.sample(jitter) * self.camera_from_root;
+        let is_inside = |camera_from_root: &Isometry3<f64>| {
+            let height = camera_from_root.inverse().translation.z - room.floor;
+            (0.1..room.height[0]).contains(&height)
+        };
+        let found = (0..100).map(draw).find(is_inside);
+        found.unwrap_or(self.camera_from_root)
     }
 
     /// What [`ImageRecord::camera_from_root`] says.

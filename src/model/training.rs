@@ -4,7 +4,7 @@
 use super::Model;
 use super::record::{FORMAT, JointRecord, ModelRecord, TrainedOn, Unit};
 use crate::Progress;
-use crate::dataset::DataSet;
+use crate::dataset::{DataSet, Pixel, draw_pixels};
 use crate::estimator::error::mean_pose;
 use crate::estimator::segmentation::{least_arm_pixels, segment};
 use crate::feature::{Extra, FeatureSpec};
@@ -13,7 +13,7 @@ use crate::forest::objective::{Make, OBJECTIVES, ObjectiveKind};
 use crate::forest::pose_forest::PoseForest;
 use crate::forest::segmentation_forest::SegmentationForest;
 use crate::pose_space::disp::Disp;
-use crate::random::seed;
+use crate::random::{seed, stream};
 use crate::robot::Motion;
 use crate::scene::Rig;
 use crate::training::pose::Samples;
@@ -29,6 +29,10 @@ pub struct ModelSpec {
     pub pose: Training,
     /// Absent to estimate images as they are.
     pub segmentation: Option<Training>,
+    /// Whether to learn what an image without the arm looks like, which the paper does not: half of the
+    /// background's samples are then pixels that a first small forest takes for the arm, and the arm is
+    /// visible when so many pixels surely show it as hardly any image without the robot has.
+    pub learn_absence: bool,
     /// The bandwidth of eq. 2.
     pub sigma: f64,
     /// The relative threshold of eq. 12.
@@ -68,6 +72,7 @@ impl ModelSpec {
                 },
                 forest: forest(1, 14),
             }),
+            learn_absence: false,
             sigma: 1.0,
             t_r: 0.9,
         }
@@ -76,9 +81,16 @@ impl ModelSpec {
     /// The sum of what [`train`] reports to its progress, on so many images of which so many show the
     /// robot.
     pub fn steps(&self, images: usize, with_robot: usize) -> u64 {
-        let halves = self.segmentation.as_ref().map_or(0, |training| {
+        let of_halves = |training: &Training| {
             let half = |half| half_of(training, half).steps(images_of(images, half).count());
             half(0) + half(1)
+        };
+        let halves = self.segmentation.as_ref().map_or(0, |training| {
+            let scouts = match self.learn_absence {
+                true => of_halves(&scout(training)) + images as u64,
+                false => 0,
+            };
+            of_halves(training) + scouts
         });
         halves + self.pose.steps(with_robot)
     }
@@ -109,13 +121,17 @@ pub fn train(
     spec: &ModelSpec,
     progress: Progress,
 ) -> Result<Model, TrainingError> {
-    let record = record(set, rig, robot, spec)?;
+    let mut record = record(set, rig, robot, spec)?;
     let shown = set.images_with_robot();
     let halves = match &spec.segmentation {
-        Some(training) => Some(train_halves(set, training, progress)?),
+        Some(training) => Some(train_halves(set, training, spec.learn_absence, progress)?),
         None => None,
     };
     let arm = set.target() + 1;
+    if let Some(halves) = halves.as_ref().filter(|_| spec.learn_absence) {
+        let false_pixels = false_pixels(set, halves)?;
+        record.least_arm_pixels = least_visible(record.least_arm_pixels, false_pixels);
+    }
     let see = |image: usize| {
         let frame = set.frame(image)?;
         let Some(halves) = &halves else {
@@ -156,6 +172,7 @@ pub fn train(
 fn train_halves(
     set: &DataSet,
     training: &Training,
+    learn_absence: bool,
     progress: Progress,
 ) -> Result<[SegmentationForest; 2], TrainingError> {
     if set.len() < 2 || training.forest.trees < 2 {
@@ -165,12 +182,80 @@ fn train_halves(
                 .to_owned(),
         ));
     }
-    let train = |half: usize| {
+    let train = |training: &Training, mistaken: &[Vec<Pixel>], half: usize| {
         let images: Vec<usize> = images_of(set.len(), half).collect();
         let seed = seed(set.record().seed, "segmentation forest", &[half as u64]);
-        segmentation::train(set, &images, &half_of(training, half), seed, progress)
+        let training = half_of(training, half);
+        segmentation::train(set, &images, &training, mistaken, seed, progress)
     };
-    Ok([train(0)?, train(1)?])
+    let both = |training: &Training, mistaken: &[Vec<Pixel>]| {
+        Ok([train(training, mistaken, 0)?, train(training, mistaken, 1)?])
+    };
+    if !learn_absence {
+        return both(training, &[]);
+    }
+    let scouts = both(&scout(training), &[])?;
+    both(training, &mistaken(set, &scouts, progress)?)
+}
+
+/// The training of a forest that only looks for what is hard.
+fn scout(training: &Training) -> Training {
+    let mut scout = training.clone();
+    scout.forest.trees = 4;
+    scout
+}
+
+/// At most so many pixels of an image are kept as mistaken.
+const MOST_MISTAKEN: usize = 3000;
+
+/// For each image, pixels of the background that the forest of the other half takes for an arm.
+fn mistaken(
+    set: &DataSet,
+    halves: &[SegmentationForest; 2],
+    progress: Progress,
+) -> Result<Vec<Vec<Pixel>>, TrainingError> {
+    let arm_of_label = set.arm_of_label();
+    let of_image = |image: usize| {
+        let frame = set.frame(image)?;
+        let found = segment(&halves[1 - image % 2], &frame.depth, 0, 1).classes;
+        let is_mistaken = |&at: &usize| {
+            found.pixels[at] != 0 && arm_of_label[usize::from(frame.labels.pixels[at])].is_none()
+        };
+        let pixel = |at: usize| ((at % found.width) as u16, (at / found.width) as u16);
+        let all: Vec<Pixel> = (0..found.pixels.len())
+            .filter(is_mistaken)
+            .map(pixel)
+            .collect();
+        let mut random = stream(set.record().seed, "mistaken pixels", &[image as u64]);
+        progress(1);
+        let kept = MOST_MISTAKEN.min(all.len());
+        Ok(draw_pixels(&all, kept, &mut random).unwrap_or_default())
+    };
+    (0..set.len()).map(of_image).collect()
+}
+
+/// For each image without the robot, how many pixels the forest of the other half is sure to show the arm.
+fn false_pixels(
+    set: &DataSet,
+    halves: &[SegmentationForest; 2],
+) -> Result<Vec<usize>, TrainingError> {
+    let arm = set.target() + 1;
+    let records = set.record().images.iter().enumerate();
+    let rooms = records.filter(|(_, record)| record.without_robot);
+    rooms
+        .map(|(image, _)| {
+            let depth = set.frame(image)?.depth;
+            Ok(segment(&halves[1 - image % 2], &depth, arm, 1).sure_pixels())
+        })
+        .collect()
+}
+
+/// How many pixels must surely show the arm, so that it is visible: more than any image without it had,
+/// and at least `usual`.
+fn least_visible(usual: usize, false_pixels: Vec<usize>) -> usize {
+    false_pixels
+        .into_iter()
+        .fold(usual, |least, n| least.max(n + 1))
 }
 
 /// What is known before anything is trained.

@@ -1,5 +1,5 @@
-//! Things that are neither furniture nor robot: heaps of boxes, cylinders and balls, and limbs of things
-//! that are jointed as an arm is (lamps, stands, people).
+//! Things that are neither furniture nor robot: heaps of boxes, cylinders and balls, boards with heaps on
+//! them, and limbs of things that are jointed as an arm is (lamps, stands, people).
 
 use super::furniture::Piece;
 use super::oriented_box::OrientedBox;
@@ -9,12 +9,29 @@ use nalgebra::{Isometry3, Point3, Rotation3, Translation3, UnitQuaternion, Vecto
 use std::f64::consts::{PI, TAU};
 
 impl Piece {
-    /// A heap or limbs, either as often.
+    /// A heap, limbs, or a board with heaps on it, each as often.
     pub fn clutter(s: &mut Stream) -> Self {
-        match below(s, 2) {
+        match below(s, 3) {
             0 => Self::heap(s),
-            _ => Self::limbs(s),
+            1 => Self::limbs(s),
+            _ => Self::laid_board(s),
         }
+    }
+
+    /// A board of 60 to 160 cm on a foot, with up to four heaps on it.
+    fn laid_board(s: &mut Stream) -> Self {
+        let mut board = Piece::default();
+        let (wide, deep) = (uniform(s, 0.3, 0.8), uniform(s, 0.3, 0.8));
+        let top = uniform(s, 0.1, 1.0);
+        let foot = [uniform(s, 0.03, 0.2), uniform(s, 0.03, 0.2), top / 2.0];
+        let at = |x: f64, y: f64, z: f64| Isometry3::translation(x, y, z);
+        board.put(Solid::Box(foot), &at(0.0, 0.0, top / 2.0));
+        board.put(Solid::Box([wide, deep, 0.02]), &at(0.0, 0.0, top + 0.02));
+        for _ in 0..below(s, 5) {
+            let place = at(uniform(s, -wide, wide), uniform(s, -deep, deep), top + 0.04);
+            board.join(Self::heap(s).placed(&place));
+        }
+        board
     }
 
     /// One to four solids of 4 to 35 cm, each on top of the one before.

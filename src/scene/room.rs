@@ -26,6 +26,9 @@ pub struct RoomSpec {
     pub behind: [f64; 2],
     /// From floor to ceiling.
     pub height: [f64; 2],
+    /// Whether walls and ceiling are moved back where they would cut through the robot.
+    #[serde(skip_serializing_if = "std::ops::Not::not")]
+    pub give_way: bool,
 }
 
 impl Default for RoomSpec {
@@ -36,6 +39,7 @@ impl Default for RoomSpec {
             aside: [1.0, 2.6],
             behind: [1.0, 2.0],
             height: [2.4, 3.0],
+            give_way: true,
         }
     }
 }
@@ -99,7 +103,7 @@ pub struct Background {
 }
 
 /// Builds the room and its furniture. Furniture stands on the floor within the walls and cuts neither the
-/// robot nor other furniture. Walls leave the robot room. In the place of an absent robot stand or hang
+/// robot nor other furniture. In the place of an absent robot stand or hang
 /// one to three pieces of clutter, unless the furniture asks for none at all.
 pub fn furnish(
     room: &RoomSpec,
@@ -123,7 +127,7 @@ pub fn furnish(
         RobotPlace::Free(boxes) => (Vec::new(), in_floor_frame(boxes)),
     };
     let mut walls = Walls::draw(room, s);
-    let walls_moved = walls.give_way(robot.iter().flatten());
+    let walls_moved = room.give_way && walls.give_way(robot.iter().flatten());
 
     let mut standing = Piece::default();
     let in_the_way = |b: &OrientedBox, walls: &Walls| {

@@ -47,7 +47,7 @@ impl Samples {
             let image = images[row];
             let seen = see(image)?;
             let pixels = seen
-                .pixels(training, set, image)
+                .pixels(training, set, image, &[])
                 .map_err(TrainingError::from)?;
             let depth = seen.padded(&features);
             let position = |&(x, y): &(u16, u16)| depth.position(x.into(), y.into());

@@ -52,13 +52,15 @@ impl Seen {
 
     /// Draws training pixels, in the order of the samples: `foreground` of either arm and `background`
     /// others; as many in all of what is left where the image is segmented, and none where nothing is
-    /// left; all of the background where the image does not show the robot. `image` is its number in `set`, whose name and seed choose the pixels: they are the same for
+    /// left; all of the background where the image does not show the robot. Up to half of the
+    /// background is drawn from `mistaken`, where the image is not segmented. `image` is its number in `set`, whose name and seed choose the pixels: they are the same for
     /// all forests.
     pub fn pixels(
         &self,
         training: &Training,
         set: &DataSet,
         image: usize,
+        mistaken: &[Pixel],
     ) -> Result<Vec<Pixel>, DataSetError> {
         let record = set.record();
         let stage = format!("pixels of {}", record.name);
@@ -69,7 +71,11 @@ impl Seen {
         };
         if !self.is_segmented {
             let arms = set.arm_of_label();
-            return sample_pixels(&self.frame, &arms, foreground, background, &mut stream);
+            let hard = (background / 2).min(mistaken.len());
+            let easy = background - hard;
+            let mut drawn = sample_pixels(&self.frame, &arms, foreground, easy, &mut stream)?;
+            drawn.extend(draw_pixels(mistaken, hard, &mut stream).unwrap_or_default());
+            return Ok(drawn);
         }
         let DepthImage { width, pixels, .. } = &self.frame.depth;
         let left: Vec<Pixel> = (0..pixels.len())

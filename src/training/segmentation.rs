@@ -3,7 +3,7 @@
 use super::seen::Seen;
 use super::{Drawn, Training, TrainingError, bin, tree_steps};
 use crate::Progress;
-use crate::dataset::DataSet;
+use crate::dataset::{DataSet, Pixel};
 use crate::feature::{DepthFeatures, Extra};
 use crate::forest::grow::TargetTable;
 use crate::forest::leaves::grow_means;
@@ -11,12 +11,15 @@ use crate::forest::objective::mse::mse;
 use crate::forest::segmentation_forest::SegmentationForest;
 use crate::random::stream;
 
-/// A forest that tells the arms and the background apart, trained on some images of a set. Features and
-/// pixels are chosen by the set's seed, trees grown with `seed`. `progress` hears of [`Training::steps`].
+/// A forest that tells the arms and the background apart, trained on some images of a set. `mistaken` are
+/// pixels of the background, by the number of the image, of which up to half of its background pixels are
+/// drawn; none where the slice is empty. Features and pixels are chosen by the set's seed, trees grown with
+/// `seed`. `progress` hears of [`Training::steps`].
 pub fn train(
     set: &DataSet,
     images: &[usize],
     training: &Training,
+    mistaken: &[Vec<Pixel>],
     seed: u64,
     progress: Progress,
 ) -> Result<SegmentationForest, TrainingError> {
@@ -26,7 +29,8 @@ pub fn train(
     let draw = |row: usize| {
         let image = images[row];
         let seen = Seen::whole(set.frame(image)?);
-        let pixels = seen.pixels(training, set, image)?;
+        let mistaken = mistaken.get(image).map_or(&[][..], Vec::as_slice);
+        let pixels = seen.pixels(training, set, image, mistaken)?;
         let depth = seen.padded(&features);
         let position = |&(x, y): &(u16, u16)| depth.position(x.into(), y.into());
         let labels = &seen.frame.labels;

@@ -44,6 +44,7 @@ impl Task for ModelTask {
             objective,
             pose,
             segmentation,
+            learn_absence: _,
             sigma,
             t_r,
         } = &self.spec;

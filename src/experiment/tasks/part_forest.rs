@@ -45,7 +45,7 @@ impl PartForestTask {
                 let point = camera.point(x, y, frame.depth.pixels[at]);
                 (u16::from(class), point.coords.map(|x| x as f32).into())
             };
-            let pixels = seen.pixels(&self.samples.training, set, image)?;
+            let pixels = seen.pixels(&self.samples.training, set, image, &[])?;
             anyhow::Ok(pixels.iter().map(sample).collect::<Vec<(u16, [f32; 3])>>())
         };
         let rows = self.samples.images.par_iter();

@@ -72,7 +72,7 @@ impl Task for SegmentationForestTask {
         let images: Vec<usize> = (0..set.len()).collect();
         let seed = seed(self.set.seed, "segmentation forest", &[]);
         let training = &self.training;
-        let forest = training::segmentation::train(&set, &images, training, seed, progress)?;
+        let forest = training::segmentation::train(&set, &images, training, &[], seed, progress)?;
         forest.save(&out.join(FOREST_FILE))?;
         Ok(())
     }
