@@ -9,6 +9,8 @@ use std::collections::BTreeSet;
 
 /// No body of an arm is larger than this (m); those that are have another unit.
 const MAX_EXTENT: f64 = 20.0;
+/// Shapes thinner than this (m) stand for no body.
+const MIN_SIZE: f64 = 1e-6;
 /// The most triangles of a robot.
 const MAX_TRIANGLES: usize = 8_000_000;
 
@@ -134,19 +136,19 @@ impl<'a, 'p> Bodies<'a, 'p> {
                 if size.iter().any(|&x| x < 0.0) {
                     return Err(UrdfProblem::Size { what });
                 }
-                (!size.contains(&0.0)).then(|| solids::cuboid(size))
+                has_size(&size).then(|| solids::cuboid(size))
             }
             "cylinder" => {
                 let sizes = sizes(&["radius", "length"])?;
-                (!sizes.contains(&0.0)).then(|| solids::cylinder(sizes[0], sizes[1]))
+                has_size(&sizes).then(|| solids::cylinder(sizes[0], sizes[1]))
             }
             "capsule" => {
                 let sizes = sizes(&["radius", "length"])?;
-                (sizes[0] > 0.0).then(|| solids::capsule(sizes[0], sizes[1]))
+                has_size(&sizes[..1]).then(|| solids::capsule(sizes[0], sizes[1]))
             }
             "sphere" => {
                 let sizes = sizes(&["radius"])?;
-                (!sizes.contains(&0.0)).then(|| solids::sphere(sizes[0]))
+                has_size(&sizes).then(|| solids::sphere(sizes[0]))
             }
             "mesh" => {
                 let name = geometry.attribute("filename").unwrap_or("");
@@ -191,7 +193,7 @@ impl<'a, 'p> Bodies<'a, 'p> {
         let (low, high) = mesh.bounds().unwrap_or_default();
         let edges = [0, 1, 2].map(|i| f64::from(high[i] - low[i]));
         let extent = edges.into_iter().fold(0.0, f64::max);
-        if !(extent <= MAX_EXTENT) {
+        if extent.is_nan() || extent > MAX_EXTENT {
             return Err(UrdfProblem::TooLarge {
                 link: link.to_owned(),
                 size: edges.map(|x| format!("{x:.1}")).join(" x "),
@@ -205,6 +207,10 @@ impl<'a, 'p> Bodies<'a, 'p> {
         });
         Ok(Some(mesh.transformed(&pose(element, &what)?)))
     }
+}
+
+fn has_size(sizes: &[f64]) -> bool {
+    sizes.iter().all(|&size| size >= MIN_SIZE)
 }
 
 fn scaled(mut mesh: Mesh, scale: [f64; 3]) -> Mesh {

@@ -7,7 +7,7 @@ use roxmltree::{Document, Error, Node, ParsingOptions};
 /// namespaces: they bound time and memory.
 const MAX_NODES: u32 = 2_000_000;
 const MAX_ATTRIBUTES: usize = 4_000_000;
-const MAX_ATTRIBUTES_EACH: usize = 200;
+const MAX_ATTRIBUTES_EACH: usize = 100;
 const MAX_NAMESPACES: usize = 1000;
 /// The most prefixes that a file may use without declaring them.
 const MAX_UNDECLARED: usize = 50;

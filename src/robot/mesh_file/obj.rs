@@ -12,11 +12,20 @@ pub fn read(text: &str) -> Result<Mesh, String> {
     let mut faces: Vec<(usize, usize)> = Vec::new();
     let mut lines = text.lines().enumerate();
     while let Some((number, line)) = lines.next() {
-        let mut line = std::borrow::Cow::Borrowed(line);
-        while let Some(start) = line.trim_end().strip_suffix('\\') {
-            let (_, more) = lines.next().unwrap_or_default();
-            line = format!("{start} {more}").into();
+        let mut joined = String::new();
+        let mut last = line;
+        while let Some(start) = last.trim_end().strip_suffix('\\') {
+            joined.push_str(start);
+            joined.push(' ');
+            last = lines.next().unwrap_or_default().1;
         }
+        let line = match joined.is_empty() {
+            true => last,
+            false => {
+                joined.push_str(last);
+                &joined
+            }
+        };
         let mut words = line.split('#').next().unwrap_or("").split_whitespace();
         let failed = |why: &str| format!("line {}: {why}", number + 1);
         match words.next() {

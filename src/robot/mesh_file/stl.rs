@@ -55,7 +55,7 @@ impl Binary<'_> {
     fn is_whole(&self) -> bool {
         let unknown = self.counted == 0 || self.counted == u32::MAX as usize;
         match unknown {
-            true => self.triangles > 0 && self.bytes.len() % TRIANGLE == 0,
+            true => self.triangles > 0 && self.bytes.len().is_multiple_of(TRIANGLE),
             false => self.counted <= self.triangles,
         }
     }
@@ -101,7 +101,7 @@ fn read_ascii(bytes: &[u8]) -> Result<Mesh, String> {
     let mut mesh = Mesh::default();
     let mut corners = Vec::new();
     while let Some(word) = words.next() {
-        if !is(&word, "facet") || !words.next_if(|w| is(w, "normal")).is_some() {
+        if !is(&word, "facet") || words.next_if(|w| is(w, "normal")).is_none() {
             // The name of a solid, or the end of one.
             continue;
         }

@@ -83,7 +83,7 @@ impl Corners {
     /// The points that an element lists.
     fn listed(&self, element: Node) -> Result<Vec<u32>, String> {
         let numbers: Vec<u32> = numbers(element)?;
-        if numbers.len() % self.stride != 0 {
+        if !numbers.len().is_multiple_of(self.stride) {
             return Err("its list of indices is cut off".to_owned());
         }
         let corners = numbers.chunks_exact(self.stride).map(|c| c[self.offset]);
@@ -117,7 +117,7 @@ fn add(primitive: Node, corners: &Corners, surface: &mut Surface) -> Result<(), 
         }
         "triangles" => {
             let corners = corners.all(primitive)?;
-            if corners.len() % 3 != 0 {
+            if !corners.len().is_multiple_of(3) {
                 return Err("its list of indices is cut off".to_owned());
             }
             for triangle in corners.as_chunks::<3>().0 {
