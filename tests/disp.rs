@@ -62,6 +62,8 @@ fn robot(s: &mut Stream, links: usize) -> Robot {
         name: "random".to_owned(),
         links: (0..links).map(link).collect(),
         joints,
+        warnings: Vec::new(),
+        notes: Vec::new(),
     }
 }
 
@@ -178,6 +180,8 @@ fn one_joint(motion: Motion) -> Robot {
             link("fixed", solids::cuboid([0.6, 0.4, 0.2])),
         ],
         joints: vec![joint(1, motion, Some(0)), joint(2, Motion::Fixed, None)],
+        warnings: Vec::new(),
+        notes: Vec::new(),
     }
 }
 

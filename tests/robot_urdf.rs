@@ -2,6 +2,7 @@
 
 use armpose::random::{below, stream};
 use armpose::robot::{Motion, Robot, RobotError, UrdfProblem};
+use armpose::scene::Rig;
 use std::path::{Path, PathBuf};
 
 /// Reads a robot from the text between `<robot>` and `</robot>`.
@@ -75,7 +76,7 @@ fn a_bad_description_gives_one_clear_message() {
         (ab("").replace("0 0 1", "0 0 0"), |p| {
             matches!(p, UrdfProblem::Number { .. })
         }),
-        (ab("").replace("revolute", "planar"), |p| {
+        (ab("").replace("revolute", "screw"), |p| {
             matches!(p, UrdfProblem::JointType { .. })
         }),
         (
@@ -273,6 +274,11 @@ fn another_robot_is_read_through_its_package_name() {
     let robot = Robot::from_urdf(&path).unwrap();
     assert_eq!(robot.dofs(), 7);
     assert!(robot.links.iter().all(|link| !link.mesh.is_empty()));
+    assert!(robot.notes.is_empty() && robot.warnings.is_empty());
+    // The same to the last bit as by the library that read meshes before.
+    let text = format!("{:?} {:?} {:?}", robot.name, robot.links, robot.joints);
+    let hash = "47ebaa56dddf1d0da49fc7baaecb4c2df4ec8dd232e7571fd29fc703475c1229";
+    assert_eq!(blake3::hash(text.as_bytes()).to_hex().as_str(), hash);
     // Stretched upward, the flange stands over the base at the sum of the offsets.
     let poses = robot.forward_kinematics(&[0.0; 7]);
     let flange = poses[robot.link("link7").unwrap()].translation.vector;
@@ -280,4 +286,30 @@ fn another_robot_is_read_through_its_package_name() {
         (flange.x - 0.206).abs() < 1e-3 && (flange.z - 0.1205).abs() < 1e-3,
         "{flange}"
     );
+}
+
+/// Models and caches hold these hashes: they are of the versions before notes were taken, and meshes read by
+/// another library.
+#[test]
+fn fingerprints_stay_what_they_were() {
+    for (rig, expected) in [
+        (
+            "data/robots/arm/robot.toml",
+            "ca9170be5fac0fa215d08941a7429922c99d23568622c5185077b898bf289d94",
+        ),
+        (
+            "tests/fixtures/robots/gripper_arm/robot.toml",
+            "b9a8d2e6e6d059954d7379f38591765abff369a1b6d1d58c12e3d1e9914f10ce",
+        ),
+        (
+            "tests/fixtures/robots/planar_arm/robot.toml",
+            "88ff33208971cf06981e1393a2e2551a0f0296b682630dc088fe2fa25be5c5f3",
+        ),
+    ] {
+        let path = Path::new(env!("CARGO_MANIFEST_DIR")).join(rig);
+        let mut rig = Rig::read(&path).unwrap();
+        assert_eq!(rig.fingerprint(), expected);
+        rig.robot.notes.push("a note".to_owned());
+        assert_eq!(rig.fingerprint(), expected);
+    }
 }

@@ -4,10 +4,10 @@ use super::say;
 use anyhow::Result;
 use armpose::dataset::portrait;
 use armpose::experiment::table::{Cell, Table};
-use armpose::robot::{Joint, Motion, Robot};
+use armpose::robot::{Joint, Motion, Packages, Robot};
 use armpose::scene::{Rig, inspect};
 use clap::Subcommand;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
 /// Look at a robot before images are made of it
@@ -26,22 +26,48 @@ enum Command {
 ///
 /// Example: armpose robot inspect my.urdf --picture my_robot.png
 ///
-/// ROBOT is a URDF file, or the TOML file of a robot with its arms and its camera (`armpose dataset
-/// render --help` has an example). Links have visual shapes or, where those are missing, collision
-/// shapes: boxes, cylinders, spheres, capsules, or meshes in STL, OBJ or COLLADA. A mesh's file name
-/// starts at the URDF's folder; package://NAME/REST is looked for there and in the folders above it, as
-/// NAME/REST and as REST. Joints may be revolute, continuous, prismatic or fixed, and may mimic others.
+/// ROBOT is a URDF file, a xacro file if the program xacro is installed, or the TOML file of a robot
+/// with its arms and its camera (`armpose dataset render --help` has an example).
+///
+/// Links have visual shapes or, where those are missing or cannot be read, collision shapes: boxes,
+/// cylinders, spheres, capsules, or meshes in STL, OBJ or COLLADA (.dae). STL and OBJ are in metres
+/// unless the URDF gives a scale; of COLLADA the file's unit counts, but not its up axis, as in RViz
+/// and Gazebo. Joints may be revolute, continuous, prismatic or fixed, and may mimic others; those of
+/// other types are held at 0.
+///
+/// A mesh's file name starts at the URDF's folder. package://NAME/REST is REST in the folder given by
+/// --package (or by `[packages]` in a robot.toml), or else in the package NAME that is found by
+/// ROS_PACKAGE_PATH, by AMENT_PREFIX_PATH, or in the folders above the URDF and beside those, where
+/// a package.xml or the folder's name says which package it is.
 ///
 /// The picture shows the robot with all joints at 0 (or at the limit next to it), from its front (x),
 /// right (-y) and above. Each link has another colour than the next.
 #[derive(clap::Args)]
 #[command(verbatim_doc_comment)]
 struct Inspect {
-    /// A URDF file, or a robot.toml that names one
+    /// A URDF or xacro file, or a robot.toml that names one
     robot: PathBuf,
     /// Draw the robot into this PNG file
     #[arg(long, value_name = "FILE")]
     picture: Option<PathBuf>,
+    /// The folder of a package that the URDF names; may be given several times
+    #[arg(long = "package", value_name = "NAME=DIR", value_parser = package)]
+    packages: Vec<(String, PathBuf)>,
+    /// Print JSON: joints, and links with their poses where all joints are at 0, metres and radians
+    #[arg(long)]
+    json: bool,
+}
+
+fn package(text: &str) -> Result<(String, PathBuf), String> {
+    match text.split_once('=') {
+        Some((name, folder)) if !name.is_empty() && Path::new(folder).is_dir() => {
+            Ok((name.to_owned(), folder.into()))
+        }
+        Some((_, folder)) => Err(format!("there is no folder \"{folder}\"")),
+        None => {
+            Err("it should be NAME=DIR, as in my_robot_description=/home/me/my_robot".to_owned())
+        }
+    }
 }
 
 pub fn run(arguments: &Arguments) -> Result<ExitCode> {
@@ -52,42 +78,57 @@ pub fn run(arguments: &Arguments) -> Result<ExitCode> {
 
 fn inspect_robot(arguments: &Inspect) -> Result<ExitCode> {
     let path = &arguments.robot;
+    let packages: Packages = arguments.packages.iter().cloned().collect();
     let is_rig = path
         .extension()
         .is_some_and(|extension| extension == "toml");
     let (robot, arms) = if is_rig {
-        let rig = Rig::read(path)?;
+        let rig = Rig::read_with(path, &packages)?;
         let arms = arms(&rig);
         (rig.robot, arms)
     } else {
-        (Robot::from_urdf(path)?, String::new())
+        (Robot::from_urdf_with(path, &packages)?, String::new())
     };
+    let text = match arguments.json {
+        true => format!("{:#}\n", inspect::as_json(&robot)),
+        false => as_text(&robot, &arms),
+    };
+    if let Some(picture) = &arguments.picture {
+        portrait(&robot, &robot.rest(), picture)?;
+    }
+    say(&text)?;
+    if let (Some(picture), false) = (&arguments.picture, arguments.json) {
+        say(&format!("picture: {}\n", picture.display()))?;
+    }
+    Ok(ExitCode::SUCCESS)
+}
+
+fn as_text(robot: &Robot, arms: &str) -> String {
+    let mut text = String::new();
+    for warning in &robot.warnings {
+        text.push_str(&format!("warning: {warning}\n"));
+    }
     let triangles = robot.links.iter().map(|link| link.mesh.triangles.len());
-    let mut text = format!(
+    text.push_str(&format!(
         "robot {}: {} links, {} joints, of which {} move; {} triangles\n",
         robot.name,
         robot.links.len(),
         robot.joints.len(),
         robot.dofs(),
         triangles.sum::<usize>()
-    );
+    ));
     if !robot.joints.is_empty() {
-        text.push_str(&format!("\n{}", joints(&robot).to_text()));
+        text.push_str(&format!("\n{}", joints(robot).to_text()));
     }
-    text.push_str(&format!("\n{}{arms}\n", links(&robot).to_text()));
-    let remarks = inspect::remarks(&robot);
-    if remarks.is_empty() {
+    text.push_str(&format!("\n{}{arms}\n", links(robot).to_text()));
+    let remarks = inspect::remarks(robot);
+    if robot.notes.is_empty() && remarks.is_empty() && robot.warnings.is_empty() {
         text.push_str("nothing to remark\n");
     }
-    for remark in remarks {
-        text.push_str(&format!("note: {remark}\n"));
+    for note in robot.notes.iter().chain(&remarks) {
+        text.push_str(&format!("note: {note}\n"));
     }
-    if let Some(picture) = &arguments.picture {
-        portrait(&robot, &robot.rest(), picture)?;
-        text.push_str(&format!("picture: {}\n", picture.display()));
-    }
-    say(&text)?;
-    Ok(ExitCode::SUCCESS)
+    text
 }
 
 /// In the order of the tree, limits as in the URDF, and in degrees for those who think in them.

@@ -1,6 +1,6 @@
 //! Triangle meshes.
 
-use nalgebra::{Isometry3, Point3};
+use nalgebra::{Isometry3, Point3, Vector3};
 use std::collections::HashMap;
 
 /// A triangle mesh, metres. Triangles are counter-clockwise seen from outside.
@@ -26,6 +26,15 @@ impl Mesh {
             )
         };
         Some(self.vertices.iter().fold((first, first), grow))
+    }
+
+    /// The sum of the triangles' areas, m2.
+    pub fn area(&self) -> f64 {
+        let area = |t: &[u32; 3]| {
+            let [a, b, c] = t.map(|i| Vector3::from(self.vertices[i as usize].map(f64::from)));
+            (b - a).cross(&(c - a)).norm() / 2.0
+        };
+        self.triangles.iter().map(area).sum()
     }
 
     /// Adds the triangles of `other`.

@@ -1,10 +1,19 @@
 //! The robot: links, joints, meshes, forward kinematics. Knows nothing of cameras or forests.
 
+mod bodies;
+mod files;
+mod joints;
 mod mesh;
+mod mesh_file;
+mod packages;
 pub mod solids;
+mod units;
 mod urdf;
+mod xacro;
+mod xml;
 
 pub use mesh::Mesh;
+pub use packages::Packages;
 pub use urdf::{RobotError, UrdfProblem};
 
 use nalgebra::{Isometry3, Translation3, Unit, UnitQuaternion, Vector3};
@@ -93,6 +102,10 @@ pub struct Robot {
     pub links: Vec<Link>,
     /// Parents before children.
     pub joints: Vec<Joint>,
+    /// What is probably wrong in the files it was read from, one sentence each.
+    pub warnings: Vec<String>,
+    /// What was made of files that do not say it, one sentence each.
+    pub notes: Vec<String>,
 }
 
 impl Robot {

@@ -3,6 +3,7 @@
 use super::SelfCollision;
 use crate::random::uniform;
 use crate::robot::{Joint, Motion, Robot};
+use serde_json::{Value, json};
 use std::f64::consts::TAU;
 
 /// As many as 8-bit labels tell apart.
@@ -12,6 +13,58 @@ const MANY_TRIANGLES: usize = 100_000;
 /// A robot beyond these sizes (m) is probably given in another unit.
 const SMALLEST: f64 = 0.05;
 const LARGEST: f64 = 10.0;
+
+/// All of a robot but its triangles, for other programs: joints in the order of the tree, links in that
+/// of the URDF. Each link has its pose in the root's frame where all joints are at 0 (limits or not), as
+/// the rows of a 4x4 matrix, and in its own frame the bounds of its body; metres, radians.
+pub fn as_json(robot: &Robot) -> Value {
+    let name = |link: usize| &robot.links[link].name;
+    let joints = robot.joints.iter().map(|joint| {
+        let (kind, axis) = match joint.motion {
+            Motion::Fixed => ("fixed", None),
+            Motion::Revolute(axis) => ("revolute", Some(axis)),
+            Motion::Prismatic(axis) => ("prismatic", Some(axis)),
+        };
+        let leader = |dof| robot.joints.iter().find(|j| j.dof == Some(dof));
+        let mimic = joint.mimic.and_then(|mimic| {
+            let joint = &leader(mimic.leader)?.name;
+            Some(json!({
+                "joint": joint, "multiplier": mimic.multiplier, "offset": mimic.offset,
+            }))
+        });
+        json!({
+            "name": joint.name,
+            "type": kind,
+            "parent": name(joint.parent),
+            "child": name(joint.child),
+            "axis": axis.map(|axis| [axis.x, axis.y, axis.z]),
+            "limits": axis.map(|_| [joint.limits.0, joint.limits.1]),
+            "mimic": mimic,
+        })
+    });
+    let poses = robot.forward_kinematics(&vec![0.0; robot.dofs()]);
+    let links = robot.links.iter().zip(&poses).map(|(link, pose)| {
+        let matrix = pose.to_homogeneous();
+        let rows: Vec<Vec<f64>> = matrix
+            .row_iter()
+            .map(|row| row.iter().copied().collect())
+            .collect();
+        json!({
+            "name": link.name,
+            "pose": rows,
+            "triangles": link.mesh.triangles.len(),
+            "area": link.mesh.area(),
+            "bounds": link.mesh.bounds().map(|(low, high)| [low, high]),
+        })
+    });
+    json!({
+        "name": robot.name,
+        "joints": joints.collect::<Vec<_>>(),
+        "links": links.collect::<Vec<_>>(),
+        "warnings": robot.warnings,
+        "notes": robot.notes,
+    })
+}
 
 /// Everything about a sound robot that may surprise, one sentence each.
 pub fn remarks(robot: &Robot) -> Vec<String> {

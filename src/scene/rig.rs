@@ -2,7 +2,7 @@
 //! `robot.toml` declares them.
 
 use super::SceneError;
-use crate::robot::Robot;
+use crate::robot::{Packages, Robot};
 use crate::strict_toml;
 use nalgebra::{Isometry3, Matrix3, Matrix4, Rotation3, Translation3, UnitQuaternion};
 use serde::Deserialize;
@@ -40,6 +40,9 @@ struct RigFile {
     urdf: PathBuf,
     camera: CameraMount,
     arm: Vec<ArmFile>,
+    /// The folders of packages that the URDF names, relative to this file.
+    #[serde(default)]
+    packages: Packages,
 }
 
 #[derive(Deserialize)]
@@ -61,10 +64,21 @@ struct ArmFile {
 }
 
 impl Rig {
-    /// Reads a `robot.toml`. The path of the URDF is relative to it.
+    /// Reads a `robot.toml`. The paths of the URDF and of packages are relative to it.
     pub fn read(path: &Path) -> Result<Rig, SceneError> {
+        Self::read_with(path, &Packages::new())
+    }
+
+    /// The same, given folders of packages, which come before those in the file.
+    pub fn read_with(path: &Path, packages: &Packages) -> Result<Rig, SceneError> {
         let file: RigFile = strict_toml::read(path)?;
-        let robot = Robot::from_urdf(&Self::urdf_of(path)?)?;
+        let folder = path.parent().unwrap_or(Path::new(""));
+        let in_file = file.packages.iter();
+        let mut all: Packages = in_file
+            .map(|(name, path)| (name.clone(), folder.join(path)))
+            .collect();
+        all.extend(packages.clone());
+        let robot = Robot::from_urdf_with(&folder.join(&file.urdf), &all)?;
         Self::assemble(robot, file).map_err(|message| SceneError::Rig {
             path: path.to_owned(),
             message,
@@ -151,10 +165,27 @@ impl Rig {
     /// A hash of all there is to know of the rig, meshes included: caches use it to see whether any
     /// of the files it was read from has changed its meaning.
     pub fn fingerprint(&self) -> String {
-        // The debug form has every field, and floats in full precision.
-        blake3::hash(format!("{self:?}").as_bytes())
-            .to_hex()
-            .to_string()
+        let Rig {
+            robot,
+            arms,
+            camera_link,
+            camera_from_link,
+        } = self;
+        // Notes are about the files, not about the robot.
+        let Robot {
+            name,
+            links,
+            joints,
+            warnings: _,
+            notes: _,
+        } = robot;
+        // The debug form has every field, and floats in full precision. It is that of an older `Rig`:
+        // models and caches hold hashes of it.
+        let text = format!(
+            "Rig {{ robot: Robot {{ name: {name:?}, links: {links:?}, joints: {joints:?} }}, arms: {arms:?}, \
+             camera_link: {camera_link:?}, camera_from_link: {camera_from_link:?} }}"
+        );
+        blake3::hash(text.as_bytes()).to_hex().to_string()
     }
 
     /// The index of the arm `name`.

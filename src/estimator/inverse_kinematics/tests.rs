@@ -35,6 +35,8 @@ fn chain(joints: &[Moving], tip: [f64; 3]) -> Robot {
         name: "chain".to_owned(),
         links: (0..count + 2).map(link).collect(),
         joints: moving.chain([fixed]).collect(),
+        warnings: Vec::new(),
+        notes: Vec::new(),
     }
 }
 
