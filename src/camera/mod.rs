@@ -102,7 +102,9 @@ impl Intrinsics {
             }
         }
         (fx > 2.0 * fy || fy > 2.0 * fx).then(|| {
-            format!("fx = {fx} and fy = {fy} differ by more than a factor of 2: one of them is wrong")
+            format!(
+                "fx = {fx} and fy = {fy} differ by more than a factor of 2: one of them is wrong"
+            )
         })
     }
 }

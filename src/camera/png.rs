@@ -18,15 +18,9 @@ pub enum PngError {
         cause: std::io::Error,
     },
     #[error("cannot read {path} as a PNG image: {cause}", path = path.display())]
-    Decode {
-        path: PathBuf,
-        cause: DecodingError,
-    },
+    Decode { path: PathBuf, cause: DecodingError },
     #[error("cannot write {path}: {cause}", path = path.display())]
-    Write {
-        path: PathBuf,
-        cause: EncodingError,
-    },
+    Write { path: PathBuf, cause: EncodingError },
     #[error(
         "{path} holds {found}, but {wanted} is needed; was it converted on the way?",
         path = path.display()
@@ -93,10 +87,7 @@ pub fn read_depth(path: &Path, camera: &Intrinsics) -> Result<DepthImage, PngErr
 }
 
 /// Reads a 16-bit grey image, of the width and height `size` if that is given, whatever its unit.
-pub(super) fn read_grey16(
-    path: &Path,
-    size: Option<[usize; 2]>,
-) -> Result<DepthImage, PngError> {
+pub(super) fn read_grey16(path: &Path, size: Option<[usize; 2]>) -> Result<DepthImage, PngError> {
     let ([width, height], bytes) = read(path, size, BitDepth::Sixteen, "16-bit grey depth")?;
     let (values, _) = bytes.as_chunks();
     Ok(Image {

@@ -8,7 +8,7 @@ use crate::camera::{Camera, Photo, Photographer};
 use crate::random::{Stream, stream};
 use crate::robot::{Motion, Robot};
 use crate::scene::{
-    OrientedBox, PoseSampler, Rig, SelfCollision, furnish, robot_bodies, room_body,
+    OrientedBox, PoseSampler, Rig, SelfCollision, check_view, furnish, robot_bodies, room_body,
 };
 use nalgebra::{Isometry3, Point3};
 use rayon::prelude::*;
@@ -164,6 +164,10 @@ impl<'a> Studio<'a> {
         })?;
         let poses = PoseSampler::new(&rig, &spec.poses)?;
         let sample = |stream: &mut Stream| poses.sample(&rig.robot, stream);
+        let some: Vec<Vec<f64>> = (0..64)
+            .map(|i| sample(&mut stream(0, "view", &[i])))
+            .collect();
+        check_view(&rig, target, &camera.intrinsics, &some)?;
         let collision = SelfCollision::new(&rig.robot, sample);
         // The camera stands still, so that any configuration tells where.
         let any = sample(&mut stream(0, "camera", &[]));

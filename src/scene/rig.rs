@@ -2,9 +2,10 @@
 //! `robot.toml` declares them.
 
 use super::SceneError;
+use super::mount::CameraMount;
 use crate::robot::Robot;
 use crate::strict_toml;
-use nalgebra::{Isometry3, Matrix3, Matrix4, Rotation3, Translation3, UnitQuaternion};
+use nalgebra::Isometry3;
 use serde::Deserialize;
 use std::path::{Path, PathBuf};
 
@@ -32,6 +33,10 @@ pub struct Rig {
     pub camera_link: usize,
     /// The pose of that link in the camera's optical frame.
     pub camera_from_link: Isometry3<f64>,
+    /// What that pose would be if a convention was mistaken for another, and for which.
+    pub camera_misreadings: Vec<(String, Isometry3<f64>)>,
+    /// What in the file was put right.
+    pub notes: Vec<String>,
 }
 
 #[derive(Deserialize)]
@@ -40,13 +45,6 @@ struct RigFile {
     urdf: PathBuf,
     camera: CameraMount,
     arm: Vec<ArmFile>,
-}
-
-#[derive(Deserialize)]
-#[serde(deny_unknown_fields)]
-struct CameraMount {
-    link: String,
-    camera_from_link: Option<[[f64; 4]; 4]>,
 }
 
 #[derive(Deserialize)]
@@ -136,25 +134,33 @@ impl Rig {
             return Err("there must be at least one [[arm]]".to_owned());
         }
         let camera_link = link(&file.camera.link)?;
-        let camera_from_link = match file.camera.camera_from_link {
-            Some(rows) => isometry(&rows).ok_or("camera_from_link is not a rotation and a translation (rows of a 4x4 matrix, last row 0 0 0 1)")?,
-            None => Isometry3::identity(),
-        };
+        let mounted = file.camera.read()?;
         Ok(Rig {
             robot,
             arms,
             camera_link,
-            camera_from_link,
+            camera_from_link: mounted.camera_from_link,
+            camera_misreadings: mounted.misreadings,
+            notes: mounted.note.into_iter().collect(),
         })
     }
 
     /// A hash of all there is to know of the rig, meshes included: caches use it to see whether any
     /// of the files it was read from has changed its meaning.
     pub fn fingerprint(&self) -> String {
-        // The debug form has every field, and floats in full precision.
-        blake3::hash(format!("{self:?}").as_bytes())
-            .to_hex()
-            .to_string()
+        // The debug form of a rig, as it was when it had these fields only: it has floats in full precision.
+        let Rig {
+            robot,
+            arms,
+            camera_link,
+            camera_from_link,
+            ..
+        } = self;
+        let text = format!(
+            "Rig {{ robot: {robot:?}, arms: {arms:?}, camera_link: {camera_link:?}, camera_from_link: \
+             {camera_from_link:?} }}"
+        );
+        blake3::hash(text.as_bytes()).to_hex().to_string()
     }
 
     /// The index of the arm `name`.
@@ -177,20 +183,4 @@ impl Rig {
     pub fn camera_from_root(&self, root_from_link: &[Isometry3<f64>]) -> Isometry3<f64> {
         self.camera_from_link * root_from_link[self.camera_link].inverse()
     }
-}
-
-/// Reads the rows of a 4x4 matrix; `None` when it is no rigid motion (to 1e-3, as matrices that
-/// people paste are rounded).
-fn isometry(rows: &[[f64; 4]; 4]) -> Option<Isometry3<f64>> {
-    let matrix = Matrix4::from_fn(|row, column| rows[row][column]);
-    let turn: Matrix3<f64> = matrix.fixed_view::<3, 3>(0, 0).into_owned();
-    let rigid = (turn.transpose() * turn - Matrix3::identity()).abs().max() < 1e-3
-        && turn.determinant() > 0.0
-        && rows[3] == [0.0, 0.0, 0.0, 1.0]
-        && matrix.iter().all(|x| x.is_finite());
-    rigid.then(|| {
-        let turn = Rotation3::from_matrix(&turn);
-        let shift = Translation3::new(rows[0][3], rows[1][3], rows[2][3]);
-        Isometry3::from_parts(shift, UnitQuaternion::from_rotation_matrix(&turn))
-    })
 }

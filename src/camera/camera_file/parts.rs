@@ -119,23 +119,25 @@ fn pinhole(object: &Object) -> Result<Pinhole, String> {
             });
         }
     }
-    Err(match MATRICES.iter().find(|&&key| object.contains_key(key)) {
-        Some(key) => format!("{key} is all zeros: the camera was not calibrated"),
-        None => {
-            let missing = ["fx", "fy", "cx", "cy"].into_iter().zip(fields.map(one_of));
-            let missing: Vec<&str> = (missing.filter(|(_, field)| field.is_none()))
-                .map(|(name, _)| name)
-                .collect();
-            format!(
-                "it holds no camera: {} missing (fx, fy, cx, cy, or a matrix called one of {}, are read)",
-                match &missing[..] {
-                    [one] => format!("{one} is"),
-                    several => format!("{} are", several.join(", ")),
-                },
-                MATRICES.join(", ")
-            )
-        }
-    })
+    Err(
+        match MATRICES.iter().find(|&&key| object.contains_key(key)) {
+            Some(key) => format!("{key} is all zeros: the camera was not calibrated"),
+            None => {
+                let missing = ["fx", "fy", "cx", "cy"].into_iter().zip(fields.map(one_of));
+                let missing: Vec<&str> = (missing.filter(|(_, field)| field.is_none()))
+                    .map(|(name, _)| name)
+                    .collect();
+                format!(
+                    "it holds no camera: {} missing (fx, fy, cx, cy, or a matrix called one of {}, are read)",
+                    match &missing[..] {
+                        [one] => format!("{one} is"),
+                        several => format!("{} are", several.join(", ")),
+                    },
+                    MATRICES.join(", ")
+                )
+            }
+        },
+    )
 }
 
 fn size(object: &Object) -> Result<Option<[usize; 2]>, String> {
@@ -196,7 +198,10 @@ fn distortion(object: &Object) -> Result<Distortion, String> {
                 None => Ok(0.0),
                 Some(value) => number(value).ok_or_else(|| format!("{key} must be a number")),
             };
-            named.iter().map(|key| value(key)).collect::<Result<_, _>>()?
+            named
+                .iter()
+                .map(|key| value(key))
+                .collect::<Result<_, _>>()?
         }
     };
     let distorts = coefficients.iter().any(|&c| c != 0.0);

@@ -1,8 +1,8 @@
 //! Depth images of any camera, in the formats that people have.
 
-mod open_exr;
 mod netpbm;
 mod numpy;
+mod open_exr;
 mod tagged;
 mod units;
 

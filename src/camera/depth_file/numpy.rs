@@ -28,7 +28,11 @@ pub(super) fn read_npz(file: File, size: Size) -> Result<Grid, String> {
         _ if called("arr_0") && !called("arr_1") => "arr_0",
         several => {
             let shown = several[..several.len().min(8)].join(", ");
-            let names: String = shown.chars().filter(|c| !c.is_control()).take(200).collect();
+            let names: String = shown
+                .chars()
+                .filter(|c| !c.is_control())
+                .take(200)
+                .collect();
             return Err(format!(
                 "it holds {} arrays ({names}) and none of them is called depth; save that one alone",
                 several.len()

@@ -50,14 +50,23 @@ pub(super) fn read_exr(file: File, size: Size) -> Result<Grid, String> {
     let channel = match &channels[..] {
         [only] => only,
         _ => CHANNELS.into_iter().find_map(called).ok_or_else(|| {
-            let names: Vec<String> = channels.iter().take(8).map(|c| c.name.to_string()).collect();
-            format!("none of its channels {} is called Z or depth", names.join(", "))
+            let names: Vec<String> = channels
+                .iter()
+                .take(8)
+                .map(|c| c.name.to_string())
+                .collect();
+            format!(
+                "none of its channels {} is called Z or depth",
+                names.join(", ")
+            )
         })?,
     };
     let colours = called("g").into_iter().chain(called("b"));
     let (kind, values) = numbers(&channel.sample_data);
     if channel.name.to_string().to_lowercase().ends_with('r')
-        && !colours.map(|c| numbers(&c.sample_data).1).all(|c| c == values)
+        && !colours
+            .map(|c| numbers(&c.sample_data).1)
+            .all(|c| c == values)
     {
         return Err("it holds colours, not depth".to_owned());
     }

@@ -111,9 +111,7 @@ fn check(values: &[f64], kind: Kind, unit: f64) -> Result<(), String> {
         _ => {
             let scales: Vec<String> = (CUSTOMS.iter())
                 .filter(|(scale, _)| PLAUSIBLE.contains(&(median * scale)))
-                .map(|(scale, name)| {
-                    format!("{scale} ({name}: {} m)", short(median * scale))
-                })
+                .map(|(scale, name)| format!("{scale} ({name}: {} m)", short(median * scale)))
                 .collect();
             match &scales[..] {
                 [] => found + "they look like no unit that is known",
@@ -172,7 +170,10 @@ pub fn check_range(depth: &DepthImage, range: &Range) -> Result<(), RangeError> 
         .collect();
     let advice = match &factors[..] {
         [] => String::new(),
-        factors => format!("; if their unit is another, try a --depth-scale {}", factors.join(" or ")),
+        factors => format!(
+            "; if their unit is another, try a --depth-scale {}",
+            factors.join(" or ")
+        ),
     };
     Err(RangeError::Outside {
         percent: 100.0 * share,
