@@ -205,7 +205,7 @@ fn a_wrong_unit_is_named_with_the_likely_one() {
     }
     let floats = message(&fixture("float_mm.npy"), usual);
     assert!(
-        floats.contains("--depth-scale 0.001 (millimetres: 1.27 m)"),
+        floats.contains("--depth-scale 0.001 (millimetres: 1.32 m)"),
         "{floats}"
     );
     // Saturated values and zeros are invalid, and do not hide what is there.

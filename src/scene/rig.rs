@@ -184,3 +184,32 @@ impl Rig {
         self.camera_from_link * root_from_link[self.camera_link].inverse()
     }
 }
+
+#[cfg(test)]
+mod tests {
+    /// What a rig was when models were first trained: their hashes must stay.
+    #[test]
+    fn the_fingerprint_is_of_the_fields_that_it_was_always_of() {
+        let folder = std::path::Path::new(env!("CARGO_MANIFEST_DIR"));
+        let path = folder.join("tests/fixtures/robots/planar_arm/robot.toml");
+        let rig = super::Rig::read(&path).unwrap();
+        let expected = {
+            #[derive(Debug)]
+            #[allow(dead_code)]
+            struct Rig {
+                robot: crate::robot::Robot,
+                arms: Vec<super::Arm>,
+                camera_link: usize,
+                camera_from_link: nalgebra::Isometry3<f64>,
+            }
+            let then = Rig {
+                robot: rig.robot.clone(),
+                arms: rig.arms.clone(),
+                camera_link: rig.camera_link,
+                camera_from_link: rig.camera_from_link,
+            };
+            blake3::hash(format!("{then:?}").as_bytes())
+        };
+        assert_eq!(rig.fingerprint(), expected.to_hex().to_string());
+    }
+}

@@ -66,7 +66,7 @@ pub(super) fn read_exr(file: File, size: Size) -> Result<Grid, String> {
     if channel.name.to_string().to_lowercase().ends_with('r')
         && !colours
             .map(|c| numbers(&c.sample_data).1)
-            .all(|c| c == values)
+            .all(|c| same(&c, &values))
     {
         return Err("it holds colours, not depth".to_owned());
     }
@@ -79,6 +79,13 @@ pub(super) fn read_exr(file: File, size: Size) -> Result<Grid, String> {
         }),
         false => Err("its depth has not a value for each pixel".to_owned()),
     }
+}
+
+/// NaN included.
+fn same(a: &[f64], b: &[f64]) -> bool {
+    a.iter()
+        .map(|x| x.to_bits())
+        .eq(b.iter().map(|x| x.to_bits()))
 }
 
 fn numbers(samples: &FlatSamples) -> (Kind, Vec<f64>) {

@@ -25,16 +25,16 @@ impl Default for Units {
 /// The median depth of an image is within these, m: no depth camera sees a room otherwise.
 const PLAUSIBLE: std::ops::RangeInclusive<f64> = 0.2..=10.0;
 
-/// Units in use, m.
-const CUSTOMS: [(f64, &str); 8] = [
-    (1.0, "metres"),
-    (0.01, "centimetres"),
-    (0.001, "millimetres"),
-    (0.00025, "RealSense L515"),
-    (0.0002, "TUM data sets"),
-    (0.000125, "eighths of a millimetre"),
-    (0.0001, "tenths of a millimetre"),
-    (0.000001, "micrometres"),
+/// Units in use, m, and whether anybody writes floats in them.
+const CUSTOMS: [(f64, &str, bool); 8] = [
+    (1.0, "metres", true),
+    (0.01, "centimetres", true),
+    (0.001, "millimetres", true),
+    (0.00025, "RealSense L515", false),
+    (0.0002, "TUM data sets", false),
+    (0.000125, "eighths of a millimetre", false),
+    (0.0001, "tenths of a millimetre", false),
+    (0.000001, "micrometres", true),
 ];
 
 /// The greatest raw disparity of a Kinect, which stands for none.
@@ -110,8 +110,9 @@ fn check(values: &[f64], kind: Kind, unit: f64) -> Result<(), String> {
         }
         _ => {
             let scales: Vec<String> = (CUSTOMS.iter())
-                .filter(|(scale, _)| PLAUSIBLE.contains(&(median * scale)))
-                .map(|(scale, name)| format!("{scale} ({name}: {} m)", short(median * scale)))
+                .filter(|(_, _, floats)| *floats || kind != Kind::Float)
+                .filter(|(scale, ..)| PLAUSIBLE.contains(&(median * scale)))
+                .map(|(scale, name, _)| format!("{scale} ({name}: {} m)", short(median * scale)))
                 .collect();
             match &scales[..] {
                 [] => found + "they look like no unit that is known",
