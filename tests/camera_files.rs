@@ -147,7 +147,7 @@ fn bop_has_a_camera_and_a_unit_for_each_image() {
     let of = |path: &Path, image: &str| {
         let file = camera_file::read(path).unwrap();
         file.of(Path::new(image))
-            .map(|c| *c)
+            .copied()
             .map_err(|e| e.to_string())
     };
     fs::write(

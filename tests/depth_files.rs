@@ -188,6 +188,7 @@ fn a_wrong_unit_is_named_with_the_likely_one() {
         (around(15_000), usual, "0.0002 (TUM data sets: 3 m)"),
         (around(15_000), usual, "0.00025 (RealSense L515: 3.75 m)"),
         (around(1_500), given(0.0001), "0.001 (millimetres: 1.5 m)"),
+        (vec![0], usual, "not one of its pixels has a valid depth"),
         (vec![0; 5], usual, "not one of its pixels has a valid depth"),
         (
             vec![0, 65535, 0],
@@ -247,4 +248,84 @@ fn depths_out_of_a_models_range_are_told_with_the_likely_unit() {
             "{message}"
         );
     }
+}
+
+fn npy(descr: &str, shape: &str, values: &[u8]) -> Vec<u8> {
+    let header = format!("{{'descr': '{descr}', 'fortran_order': False, 'shape': {shape}, }}\n");
+    let mut bytes = b"\x93NUMPY\x01\x00".to_vec();
+    bytes.extend((header.len() as u16).to_le_bytes());
+    bytes.extend(header.as_bytes());
+    bytes.extend(values);
+    bytes
+}
+
+#[test]
+fn unusable_npy_files_are_refused() {
+    let folder = tempfile::tempdir().unwrap();
+    let file = folder.path().join("depth.npy");
+    let values: Vec<u8> = (1024u16..1030).flat_map(u16::to_le_bytes).collect();
+    let whole = npy("<u2", "(2, 3)", &values);
+    let read = |bytes: &[u8]| {
+        fs::write(&file, bytes).unwrap();
+        read_depth_file(&file, Some([3, 2]), Units::default())
+    };
+    assert_eq!(
+        read(&whole).unwrap().pixels,
+        [1024, 1025, 1026, 1027, 1028, 1029]
+    );
+    let mut long = whole.clone();
+    long[6..12].copy_from_slice(&[2, 0, 255, 255, 255, 255]);
+    let mut version = whole.clone();
+    version[6] = 4;
+    let tail = [whole.clone(), vec![0]].concat();
+    let huge = "(99999999999999999999, 99999999999999999999)";
+    for (bytes, part) in [
+        (npy("<u2", huge, &[]), "cannot be larger"),
+        (
+            npy("<u2", "(4294967296, 4294967296)", &[]),
+            "4294967296 x 4294967296 pixels",
+        ),
+        (
+            npy("<u2", "(3, 2)", &values),
+            "2 x 3 pixels, but the camera's images are 3 x 2",
+        ),
+        (npy("<u2", "(6,)", &values), "its shape is [6]"),
+        (npy("<i8", "(2, 3)", &[0; 48]), "the type '<i8'"),
+        (b"not NumPy's, surely".to_vec(), "magic"),
+        (long, "header has 4294967295 bytes"),
+        (version, "version"),
+        (tail, "13 bytes of values stand in it"),
+    ] {
+        let message = read(&bytes).unwrap_err().to_string();
+        assert!(message.contains(part), "{message}");
+        assert!(message.contains("is not a usable NPY file") && message.lines().count() == 1);
+    }
+    let strange = [f64::INFINITY, f64::NAN, -1.0, 1e300, 0.0004, 1.2345];
+    let bytes: Vec<u8> = strange.iter().flat_map(|x| x.to_le_bytes()).collect();
+    let image = read(&npy("<f8", "(2, 3)", &bytes)).unwrap();
+    assert_eq!(image.pixels, [0, 0, 0, 0, 0, 1235]);
+}
+
+/// Renderers write 1e10 where nothing is, mostly.
+#[test]
+fn a_far_background_does_not_hide_the_unit() {
+    let folder = tempfile::tempdir().unwrap();
+    let file = folder.path().join("depth.npy");
+    let read = |depths: [f32; 40]| {
+        let bytes: Vec<u8> = depths.iter().flat_map(|x| x.to_le_bytes()).collect();
+        fs::write(&file, npy("<f4", "(4, 10)", &bytes)).unwrap();
+        read_depth_file(&file, None, Units::default())
+    };
+    let mut depths = [1e10; 40];
+    (depths[7], depths[8]) = (1.5, 1.6);
+    let image = read(depths).unwrap();
+    assert_eq!(image.pixels.iter().filter(|&&mm| mm > 0).count(), 2);
+    assert_eq!((image.pixels[7], image.pixels[8]), (1500, 1600));
+    let message = read(depths.map(|m| m.min(9.0) * 1000.0))
+        .unwrap_err()
+        .to_string();
+    assert!(
+        message.contains("--depth-scale 0.001 (millimetres: 9 m)"),
+        "{message}"
+    );
 }

@@ -267,8 +267,8 @@ fn an_arm_out_of_view_is_told_with_the_convention_that_would_show_it() {
             Ok(())
         );
         let body = body_from_optical * pose;
-        let q = pose.rotation.coords;
-        let xyz: Vec<f64> = pose.translation.vector.iter().copied().collect();
+        let q = back.rotation.coords;
+        let xyz: Vec<f64> = back.translation.vector.iter().copied().collect();
         let wxyz = [q.w, q.x, q.y, q.z];
         let of_body = "of a camera whose frame is one of ROS's bodies (x forward, z up), it would";
         let mounts = [
@@ -289,7 +289,7 @@ fn an_arm_out_of_view_is_told_with_the_convention_that_would_show_it() {
                 format!("as link_from_camera {of_body}"),
             ),
             (
-                format!("camera_from_link = {{ xyz = {xyz:?}, quaternion_xyzw = {wxyz:?} }}"),
+                format!("link_from_camera = {{ xyz = {xyz:?}, quaternion_xyzw = {wxyz:?} }}"),
                 "as quaternion_wxyz, it would be in view".to_owned(),
             ),
         ];

@@ -53,7 +53,9 @@ fn array(file: &mut dyn Read, length: u64, size: Size) -> Result<Grid, String> {
     file.read_exact(&mut start).map_err(cut_off)?;
     let header_length = match start[6] {
         1 => u32::from(u16::from_le_bytes([start[8], start[9]])) + 10,
-        _ => u32::from_le_bytes([start[8], start[9], start[10], start[11]]).saturating_add(12),
+        2 | 3 => u32::from_le_bytes([start[8], start[9], start[10], start[11]]).saturating_add(12),
+        // Of no version that is known.
+        _ => 0,
     };
     if start.starts_with(b"\x93NUMPY") && header_length > LONGEST_HEADER {
         return Err(format!(

@@ -25,6 +25,9 @@ impl Default for Units {
 /// The median depth of an image is within these, m: no depth camera sees a room otherwise.
 const PLAUSIBLE: std::ops::RangeInclusive<f64> = 0.2..=10.0;
 
+/// The farthest depth that a [`DepthImage`] holds, m.
+const FARTHEST_M: f64 = 65.535;
+
 /// Units in use, m, and whether anybody writes floats in them.
 const CUSTOMS: [(f64, &str, bool); 8] = [
     (1.0, "metres", true),
@@ -76,11 +79,16 @@ pub(super) fn millimetres(grid: Grid, units: Units) -> Result<DepthImage, String
 
 fn check(values: &[f64], kind: Kind, unit: f64) -> Result<(), String> {
     let first = values[0];
-    if values.len() > 1 && values.iter().all(|&value| value == first) {
-        return Err(match first {
-            0.0 => "not one of its pixels has a valid depth".to_owned(),
-            _ => format!("all its pixels have the value {first}: that is no depth image"),
-        });
+    if values.iter().all(|&value| value == first) {
+        match first {
+            0.0 => return Err("not one of its pixels has a valid depth".to_owned()),
+            _ if values.len() > 1 => {
+                return Err(format!(
+                    "all its pixels have the value {first}: that is no depth image"
+                ));
+            }
+            _ => {}
+        }
     }
     let disparities = values.iter().filter(|&&v| v == NO_DISPARITY).count();
     if kind != Kind::Float
@@ -92,14 +100,14 @@ fn check(values: &[f64], kind: Kind, unit: f64) -> Result<(), String> {
                 .to_owned(),
         );
     }
-    let mut valid: Vec<f32> = (values.iter().filter(|&&v| v > 0.0))
-        .map(|&v| v as f32)
-        .collect();
-    let middle = valid.len() / 2;
-    let median = f64::from(*valid.select_nth_unstable_by(middle, f32::total_cmp).1);
-    if PLAUSIBLE.contains(&(median * unit)) {
+    // What is too far for an image of ours does not count, unless that is nearly everything: renderers
+    // write huge numbers where nothing is.
+    let valid = || values.iter().filter(|&&v| v > 0.0);
+    let near = || valid().filter(|&&v| v * unit <= FARTHEST_M);
+    if near().count() > valid().count() / 100 && PLAUSIBLE.contains(&(median(near()) * unit)) {
         return Ok(());
     }
+    let median = median(valid());
     let found = format!(
         "half its valid depths are below {} m at {unit} m a unit, which no depth camera would see; ",
         short(median * unit)
@@ -120,6 +128,13 @@ fn check(values: &[f64], kind: Kind, unit: f64) -> Result<(), String> {
             }
         }
     })
+}
+
+/// The median of what there is at least one of.
+fn median<'a>(values: impl Iterator<Item = &'a f64>) -> f64 {
+    let mut values: Vec<f32> = values.map(|&value| value as f32).collect();
+    let middle = values.len() / 2;
+    f64::from(*values.select_nth_unstable_by(middle, f32::total_cmp).1)
 }
 
 /// A depth image of which nearly nothing is where a model can see.
