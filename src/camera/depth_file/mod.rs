@@ -1,9 +1,9 @@
 //! Depth images of any camera, in the formats that people have.
 
+mod exr;
 mod netpbm;
 mod numpy;
-mod open_exr;
-mod tagged;
+mod tiff;
 mod units;
 
 use super::png::{PngError, read_grey16};
@@ -88,10 +88,10 @@ pub fn read_depth_file(
         "png" => png(path, size)?,
         "npy" => numpy::read_npy(source, size).map_err(wrong("NPY"))?,
         "npz" => numpy::read_npz(source.0, size).map_err(wrong("NPZ"))?,
-        "exr" => open_exr::read_exr(source.0, size).map_err(wrong("OpenEXR"))?,
+        "exr" => exr::read_exr(source.0, size).map_err(wrong("OpenEXR"))?,
         "pgm" => netpbm::read_pgm(source, size).map_err(wrong("PGM"))?,
         "pfm" => netpbm::read_pfm(source, size).map_err(wrong("PFM"))?,
-        _ => tagged::read_tiff(source.0, size).map_err(wrong("TIFF"))?,
+        _ => tiff::read_tiff(source.0, size).map_err(wrong("TIFF"))?,
     };
     units::millimetres(grid, units).map_err(|message| DepthFileError::Values {
         path: path.to_owned(),
