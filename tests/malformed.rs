@@ -2,6 +2,7 @@
 //! with one line, soon, and without taking much memory.
 
 use armpose::camera::Intrinsics;
+use armpose::camera::depth_file::{Units, read_depth_file};
 use armpose::camera::png::{read_depth, read_labels};
 use armpose::robot::Robot;
 use std::path::{Path, PathBuf};
@@ -66,6 +67,17 @@ fn images() {
         let error = read_depth(&path, &camera).expect_err(&path.to_string_lossy());
         is_one_line(&error.to_string(), &path);
         assert!(read_labels(&path, &camera).is_err());
+    }
+    for ending in [".npy", ".npz", ".tif", ".exr", ".pgm", ".pfm"] {
+        for path in files(ending) {
+            for size in [None, Some([8, 6])] {
+                let error = read_depth_file(&path, size, Units::default());
+                is_one_line(
+                    &error.expect_err(&path.to_string_lossy()).to_string(),
+                    &path,
+                );
+            }
+        }
     }
     let huge = Intrinsics {
         width: 0x7fff_ffff,

@@ -1,6 +1,6 @@
 //! `armpose train`, `estimate` and `evaluate`, as people with a robot and a camera meet them.
 
-use armpose::camera::depth_file::read_depth_file;
+use armpose::camera::depth_file::{Units, read_depth_file};
 use armpose::camera::png::write_depth;
 use armpose::camera::{DepthImage, Intrinsics};
 use armpose::dataset::DataSet;
@@ -248,7 +248,7 @@ fn an_image_is_the_same_whatever_holds_it() {
     let workshop = Workshop::get();
     let model = Model::load(&workshop.at("model")).unwrap();
     let camera = model.record().intrinsics;
-    let depth = read_depth_file(&workshop.test_image(2), &camera, 0.001).unwrap();
+    let depth = read_depth_file(&workshop.test_image(2), None, Units::default()).unwrap();
     let file = workshop.test_image(2);
     let expected = &workshop.estimate("model", &[text(&file)])[0];
     assert!(expected["joints"].is_object());
@@ -265,7 +265,10 @@ fn an_image_is_the_same_whatever_holds_it() {
         text(&workshop.at("model")),
         text(&png),
     ]);
-    assert!(message.contains("must be millimetres"), "{message}");
+    assert!(
+        message.contains("0.0001 (tenths of a millimetre"),
+        "{message}"
+    );
 
     let twice = Intrinsics {
         width: 2 * camera.width,
@@ -345,6 +348,77 @@ fn an_image_is_the_same_whatever_holds_it() {
     );
 }
 
+/// A file of another tool for the camera, with its own unit; a folder with endings of any kind; and images
+/// that cannot be depth, which fail alone.
+#[test]
+fn cameras_and_images_of_other_tools_are_estimated_alike() {
+    let workshop = Workshop::get();
+    let model = Model::load(&workshop.at("model")).unwrap();
+    let i = model.record().intrinsics;
+    let file = workshop.test_image(2);
+    let expected = &workshop.estimate("model", &[text(&file)])[0]["joints"];
+    assert!(expected.is_object());
+    let k = format!("[{}, 0, {}, 0, {}, {}, 0, 0, 1]", i.fx, i.cx, i.fy, i.cy);
+    let (ros, bop) = (workshop.at("info.yaml"), workshop.at("scene_camera.json"));
+    fs::write(
+        &ros,
+        format!(
+            "height: {}\nwidth: {}\ndistortion_model: plumb_bob\nD: [0, 0, 0, 0, 0]\nK: {k}\n---\n",
+            i.height, i.width
+        ),
+    )
+    .unwrap();
+    let far = "[9e3, 0, 80, 0, 9e3, 60, 0, 0, 1]";
+    fs::write(
+        &bop,
+        format!("{{\"2\": {{\"cam_K\": {k}, \"depth_scale\": 0.1}}, \"3\": {{\"cam_K\": {far}}}}}"),
+    )
+    .unwrap();
+    let depth = read_depth_file(&file, None, Units::default()).unwrap();
+    let changed = |name: &str, change: &dyn Fn(u16) -> u16| {
+        let path = workshop.at(name);
+        let image = DepthImage {
+            pixels: depth.pixels.iter().map(|&mm| change(mm)).collect(),
+            ..depth
+        };
+        write_depth(&path, &image).unwrap();
+        path
+    };
+    let tenths = changed("frame_000002.png", &|mm| 10 * mm);
+    let joints = |more: &[&str]| workshop.estimate("model", more)[0]["joints"].clone();
+    assert_eq!(joints(&[text(&file), "--camera", text(&ros)]), *expected);
+    assert_eq!(joints(&[text(&tenths), "--camera", text(&bop)]), *expected);
+
+    let folder = workshop.at("endings");
+    fs::create_dir(&folder).unwrap();
+    fs::copy(&file, folder.join("B.PNG")).unwrap();
+    let values = depth.pixels.iter().flat_map(|mm| mm.to_be_bytes());
+    let pgm = [b"P5 160 120 65535\n".to_vec(), values.collect()].concat();
+    fs::write(folder.join("a.pgm"), pgm).unwrap();
+    fs::write(folder.join("notes.txt"), "no image").unwrap();
+    let answers = workshop.estimate("model", &[text(&folder)]);
+    assert_eq!(answers.len(), 2);
+    assert!(answers.iter().all(|answer| answer["joints"] == *expected));
+
+    let model = workshop.at("model");
+    let refused = |image: &Path, more: &[&str]| {
+        let estimate = ["estimate", "--model", text(&model), text(image)];
+        let message = complains(&[&estimate[..], more].concat());
+        assert!(message.contains(text(image)), "{message}");
+        message
+    };
+    let nothing = refused(&changed("nothing.png", &|_| 0), &[]);
+    assert!(
+        nothing.contains("not one of its pixels has a valid depth"),
+        "{nothing}"
+    );
+    let fivefold = refused(&changed("fivefold.png", &|mm| mm * 5), &[]);
+    assert!(fivefold.contains("5 times smaller"), "{fivefold}");
+    let fourth = changed("frame_4.png", &|mm| mm);
+    let unknown = refused(&fourth, &["--camera", text(&bop)]);
+    assert!(unknown.contains("no camera for image 4"), "{unknown}");
+}
+
 #[test]
 fn where_there_is_no_arm_none_is_seen() {
     let workshop = Workshop::get();
@@ -352,7 +426,7 @@ fn where_there_is_no_arm_none_is_seen() {
     let image = DepthImage {
         width: 160,
         height: 120,
-        pixels: vec![1500; 160 * 120],
+        pixels: (0..160 * 120).map(|at| 1500 + at % 160 / 40).collect(),
     };
     write_depth(&wall, &image).unwrap();
     let answer = &workshop.estimate("model", &[text(&wall)])[0];
@@ -381,7 +455,6 @@ fn where_there_is_no_arm_none_is_seen() {
     assert!(said.ends_with(&unseen), "{said}");
 }
 
-/// Whatever is wrong with an NPY file, one sentence tells it, and nothing is allocated by its word.
 /// The camera of the training images reports nothing beyond 5 m.
 #[test]
 fn depths_out_of_range_are_as_good_as_none() {
@@ -401,63 +474,6 @@ fn depths_out_of_range_are_as_good_as_none() {
     assert_eq!(with(5001), with(0));
     assert_eq!(with(299), with(0));
     assert_ne!(with(4999), with(0));
-}
-
-#[test]
-fn unusable_npy_files_are_refused() {
-    let folder = tempfile::tempdir().unwrap();
-    let file = folder.path().join("depth.npy");
-    let camera = Intrinsics {
-        width: 3,
-        height: 2,
-        fx: 1.0,
-        fy: 1.0,
-        cx: 1.0,
-        cy: 0.5,
-    };
-    let whole = npy("<u2", "(2, 3)", &[0, 4].repeat(6));
-    fs::write(&file, &whole).unwrap();
-    let read = || read_depth_file(&file, &camera, 0.001);
-    assert_eq!(read().unwrap().pixels, [1024; 6]);
-    for length in 0..whole.len() {
-        fs::write(&file, &whole[..length]).unwrap();
-        let message = read().unwrap_err().to_string();
-        assert!(message.contains("is not a usable NPY file"), "{message}");
-    }
-    let mut fortran = whole.clone();
-    let order = fortran
-        .windows(5)
-        .position(|word| word == b"False")
-        .unwrap();
-    fortran[order..order + 5].copy_from_slice(b"True ");
-    let mut long = whole.clone();
-    long[6..12].copy_from_slice(&[2, 0, 255, 255, 255, 255]);
-    let mut version = whole.clone();
-    version[6] = 4;
-    let tail = [whole.clone(), vec![0]].concat();
-    let huge = "(99999999999999999999, 99999999999999999999)";
-    for (bytes, part) in [
-        (npy("<u2", huge, &[]), "its shape is (9999999"),
-        (
-            npy("<u2", "(3, 2)", &[0, 4].repeat(6)),
-            "(rows, columns) = (2, 3)",
-        ),
-        (npy(">u2", "(2, 3)", &[0, 4].repeat(6)), "the type '>u2'"),
-        (npy("<i8", "(2, 3)", &[0; 48]), "the type '<i8'"),
-        (fortran, "Fortran order"),
-        (b"not NumPy's".to_vec(), "begin as an NPY"),
-        (long, "header has 4294967295 bytes"),
-        (version, "version 4"),
-        (tail, "13 bytes of values stand in it"),
-    ] {
-        fs::write(&file, bytes).unwrap();
-        let message = read().unwrap_err().to_string();
-        assert!(message.contains(part), "{message}");
-    }
-    let strange = [f64::INFINITY, f64::NAN, -1.0, 1e300, 0.0004, 1.2345];
-    let bytes = strange.iter().flat_map(|x| x.to_le_bytes());
-    fs::write(&file, npy("<f8", "(2, 3)", &bytes.collect::<Vec<_>>())).unwrap();
-    assert_eq!(read().unwrap().pixels, [0, 0, 0, 0, 0, 1235]);
 }
 
 /// A copy of a model in which one file was changed is refused with one sentence.

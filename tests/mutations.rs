@@ -2,9 +2,10 @@
 //! hangs. A blink of it here; `ARMPOSE_FUZZ_SECONDS=600 cargo test --test mutations` goes on for ten minutes
 //! a format, with other mutations for other numbers.
 
-use armpose::camera::depth_file::{MILLIMETRE, read_depth_file};
-use armpose::camera::png::{read_labels, write_depth, write_labels};
-use armpose::camera::{Camera, Image, Intrinsics};
+use armpose::camera::camera_file;
+use armpose::camera::depth_file::{Units, read_depth_file};
+use armpose::camera::png::{read_depth, read_labels, write_depth, write_labels};
+use armpose::camera::{Camera, Image, Intrinsics, Resampling};
 use armpose::dataset::{RealFrames, SetSpec, generate};
 use armpose::forest::pose_forest::PoseForest;
 use armpose::model::Model;
@@ -76,6 +77,19 @@ const WORDS: &[&str] = &[
     "'descr'",
     "'<f8'",
     "(16, 12)",
+    "'fortran_order': True",
+    "(1, 6, 8)",
+    "P5\n8 6 65535\n",
+    "Pf\n8 6\n-1.0\n",
+    "&a ",
+    "*a",
+    "<<: *a",
+    "---\n",
+    "!!opencv-matrix",
+    "\"coeffs\": [1e3, -1e9]",
+    "depth_scale: ",
+    "{ xyz = [0, 0, 1], quaternion_xyzw = [0, 0, 0, 1] }",
+    "link_from_camera = ",
     "true",
     "null",
 ];
@@ -246,31 +260,78 @@ fn images() {
     let at = |name: &str| folder.path().join(name);
     write_depth(&at("depth.png"), &image(1500)).unwrap();
     write_labels(&at("labels.png"), &image(3)).unwrap();
-    let npy = |descr: &str, values: Vec<u8>| {
-        let header =
-            format!("{{'descr': '{descr}', 'fortran_order': False, 'shape': (12, 16), }}\n");
-        let mut bytes = b"\x93NUMPY\x01\x00".to_vec();
-        bytes.extend((header.len() as u16).to_le_bytes());
-        bytes.extend(header.as_bytes());
-        bytes.extend(values);
-        bytes
-    };
-    let seed = |kind: u8, bytes: &[u8]| [&[kind], bytes].concat();
-    let seeds = vec![
-        seed(0, &bytes(&at("depth.png"))),
-        seed(1, &bytes(&at("labels.png"))),
-        seed(2, &npy("<u2", 1500u16.to_le_bytes().repeat(192))),
-        seed(2, &npy("<f4", 1.5f32.to_le_bytes().repeat(192))),
-        seed(2, &npy("<f8", 1.5f64.to_le_bytes().repeat(192))),
-    ];
+    let seed = |kind: u8, name: &str| [&[kind], &bytes(&at(name))[..]].concat();
+    let seeds = vec![seed(0, "depth.png"), seed(1, "labels.png")];
     mutate("image", seeds, &|bytes| {
         let (kind, rest) = bytes.split_first().unwrap_or((&0, &[]));
-        let path = at(["a.png", "b.png", "c.npy"][usize::from(*kind) % 3]);
+        let path = at("image.png");
         fs::write(&path, rest)?;
-        match kind % 3 {
-            1 => drop(read_labels(&path, &CAMERA)?),
-            _ => drop(read_depth_file(&path, &CAMERA, MILLIMETRE)?),
+        match kind % 2 {
+            0 => drop(read_depth(&path, &CAMERA)?),
+            _ => drop(read_labels(&path, &CAMERA)?),
         }
+        Ok(())
+    });
+}
+
+/// Depth files of every format, of the right size and of any.
+#[test]
+fn depth_files() {
+    let folder = tempfile::tempdir().unwrap();
+    let kinds = ["png", "npy", "npz", "tif", "exr", "pgm", "pfm"];
+    let ours = here("tests/fixtures/depth");
+    for kind in kinds {
+        let path = folder.path().join(format!("depth.{kind}"));
+        let entries = fs::read_dir(&ours).unwrap().map(|e| e.unwrap().path());
+        let mut files: Vec<PathBuf> = entries
+            .filter(|file| file.extension().is_some_and(|end| end == kind))
+            .filter(|file| read_depth_file(file, None, Units::default()).is_ok())
+            .collect();
+        files.sort();
+        assert!(!files.is_empty());
+        let seeds = files.iter().map(|file| bytes(file)).collect();
+        mutate(kind, seeds, &|bytes| {
+            fs::write(&path, bytes)?;
+            let any = read_depth_file(&path, None, Units::default());
+            let right = read_depth_file(&path, Some([8, 6]), Units::default());
+            // Whatever is of the right size is the same without asking.
+            if let Ok(right) = right {
+                assert!(any.as_ref().is_ok_and(|any| *any == right));
+            }
+            any?;
+            Ok(())
+        });
+    }
+}
+
+#[test]
+fn cameras() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("camera");
+    let k = "[300.0, 0.0, 160.0, 0.0, 300.0, 120.0, 0.0, 0.0, 1.0]";
+    let case = |name: &str| bytes(&here(&format!("tests/fixtures/cases/cameras/{name}")));
+    let opencv = format!(
+        "%YAML:1.0\n---\nimage_width: 320\nimage_height: 240\ncamera_matrix: !!opencv-matrix\n   rows: 3\n   \
+         cols: 3\n   dt: d\n   data: {k}\ndistortion_coefficients: &a\n   rows: 1\n   data: [-0.2, 0.1, 0., 0.]\n\
+         copy: *a\n"
+    );
+    let bop =
+        format!("{{\"1\": {{\"cam_K\": {k}, \"depth_scale\": 0.1}}, \"2\": {{\"cam_K\": {k}}}}}");
+    let open_3d = "{\"width\": 320, \"height\": 240, \"intrinsic_matrix\": [300, 0, 0, 0, 300, 0, 160, 120, 1]}";
+    let seeds = vec![
+        case("camera_info.yaml"),
+        case("rs_intrinsics.json"),
+        opencv.into_bytes(),
+        bop.into_bytes(),
+        open_3d.into(),
+    ];
+    mutate("camera", seeds, &|bytes| {
+        fs::write(&path, bytes)?;
+        let file = camera_file::read(&path)?;
+        let camera = file.of(Path::new("depth_000001.png"))?;
+        let lens = camera.lens(camera.size().unwrap_or([320, 240]))?;
+        let seen = Resampling::new(&lens, &CAMERA).covered();
+        assert!((0.0..=1.0).contains(&seen));
         Ok(())
     });
 }
@@ -324,10 +385,22 @@ fn specifications() {
         "camera.toml",
     ];
     let files = files.map(|file| bytes(&robots.join(file)));
+    let robot = String::from_utf8(files[1].clone()).unwrap();
     let files = [&files[..], &[real.as_bytes().to_vec()]].concat();
     let seeds = files.iter().zip(0u8..);
     let seeds = seeds.map(|(bytes, kind)| [&[kind], &bytes[..]].concat());
-    mutate("specification", seeds.collect(), &|bytes| {
+    let mut seeds: Vec<Vec<u8>> = seeds.collect();
+    let mount = robot
+        .lines()
+        .find(|line| line.starts_with("camera_from_link"))
+        .unwrap();
+    for pose in [
+        "link_from_camera = { xyz = [0, 0, 1.5], quaternion_xyzw = [1, 0, 0, 0] }",
+        "camera_from_link = { xyz = [0, 0, 1.5], rpy = [3.14, 0, 0] }",
+    ] {
+        seeds.push([&[1], robot.replace(mount, pose).as_bytes()].concat());
+    }
+    mutate("specification", seeds, &|bytes| {
         let (kind, rest) = bytes.split_first().unwrap_or((&0, &[]));
         let path = planar.join("file.toml");
         fs::write(&path, rest)?;

@@ -4,16 +4,18 @@
 //! The sensor follows BlenSor (Gschwandtner et al. 2011) and render_kinect (Bohg 2014), the
 //! simulator that the paper's images most likely come from (section IV-A).
 
+pub mod camera_file;
 pub mod depth_file;
+mod distortion;
 mod dots;
 mod filter;
 mod noise;
-mod npy;
 mod photographer;
 pub mod png;
 mod rasteriser;
 mod resample;
 
+pub use distortion::{Distortion, Lens};
 pub use noise::{Gaussian, Noise, Perlin};
 pub use photographer::{Drawing, Photo, Photographer};
 pub use resample::Resampling;
@@ -22,6 +24,7 @@ use crate::robot::Mesh;
 use crate::strict_toml::{self, TomlError};
 use nalgebra::{Isometry3, Point3};
 use serde::{Deserialize, Serialize};
+use std::fs::File;
 use std::path::{Path, PathBuf};
 
 /// A dense image, row by row from the top left.
@@ -78,10 +81,50 @@ impl Intrinsics {
                 self.width, self.height
             ));
         }
+        let Intrinsics { fx, fy, cx, cy, .. } = *self;
         let positive = |x: f64| x > 0.0 && x.is_finite();
-        let fine = positive(self.fx) && positive(self.fy);
-        (!(fine && self.cx.is_finite() && self.cy.is_finite()))
-            .then(|| "fx and fy must be positive, cx and cy finite".to_owned())
+        if !(positive(fx) && positive(fy) && cx.is_finite() && cy.is_finite()) {
+            return Some("fx and fy must be positive, cx and cy finite".to_owned());
+        }
+        if [fx, fy].iter().all(|&f| f < 10.0) && [cx, cy].iter().all(|c| (0.0..=1.0).contains(c)) {
+            return Some(format!(
+                "fx = {fx}, fy = {fy}, cx = {cx}, cy = {cy} are normalised, but must be pixels: multiply fx \
+                 and cx by the width, fy and cy by the height"
+            ));
+        }
+        let axes = [
+            ("fx", fx, "cx", cx, "width", self.width as f64),
+            ("fy", fy, "cy", cy, "height", self.height as f64),
+        ];
+        for (f_name, f, c_name, c, side_name, side) in axes {
+            if f < side / 20.0 || f > 50.0 * side {
+                let degrees = 2.0 * (side / 2.0 / f).atan().to_degrees();
+                return Some(format!(
+                    "{f_name} = {f} would be a field of view of {degrees:.1} degrees for a {side_name} of \
+                     {side}; it must be the focal length in pixels"
+                ));
+            }
+            if c < -side || c > 2.0 * side {
+                return Some(format!(
+                    "{c_name} = {c} is far outside the image, whose {side_name} is {side}; it must be the \
+                     principal point in pixels"
+                ));
+            }
+        }
+        (fx > 2.0 * fy || fy > 2.0 * fx).then(|| {
+            format!(
+                "fx = {fx} and fy = {fy} differ by more than a factor of 2: one of them is wrong"
+            )
+        })
+    }
+}
+
+/// A file for reading and its length. Only regular files are opened: others may never end.
+fn open(path: &Path) -> std::io::Result<(File, u64)> {
+    let metadata = path.metadata()?;
+    match metadata.is_file() {
+        true => Ok((File::open(path)?, metadata.len())),
+        false => Err(std::io::Error::other("it is no regular file")),
     }
 }
 

@@ -1,7 +1,7 @@
 //! Depth and label images as PNG files that other tools read too: 16-bit grey depth in mm with
 //! 0 = invalid, and 8-bit grey labels.
 
-use super::{DepthImage, Image, Intrinsics, LabelImage};
+use super::{DepthImage, Image, Intrinsics, LabelImage, MAX_SIDE, open};
 use ::png::{
     BitDepth, ColorType, Compression, Decoder, DecodingError, Encoder, EncodingError, Filter,
 };
@@ -12,21 +12,15 @@ use std::path::{Path, PathBuf};
 /// An image file that cannot be read, written or used.
 #[derive(Debug, thiserror::Error)]
 pub enum PngError {
-    #[error("cannot open {path}: {source}", path = path.display())]
+    #[error("cannot open {path}: {cause}", path = path.display())]
     Open {
         path: PathBuf,
-        source: std::io::Error,
+        cause: std::io::Error,
     },
-    #[error("cannot read {path} as a PNG image: {source}", path = path.display())]
-    Decode {
-        path: PathBuf,
-        source: DecodingError,
-    },
-    #[error("cannot write {path}: {source}", path = path.display())]
-    Write {
-        path: PathBuf,
-        source: EncodingError,
-    },
+    #[error("cannot read {path} as a PNG image: {cause}", path = path.display())]
+    Decode { path: PathBuf, cause: DecodingError },
+    #[error("cannot write {path}: {cause}", path = path.display())]
+    Write { path: PathBuf, cause: EncodingError },
     #[error(
         "{path} holds {found}, but {wanted} is needed; was it converted on the way?",
         path = path.display()
@@ -87,24 +81,24 @@ pub fn write_labels(path: &Path, image: &LabelImage) -> Result<(), PngError> {
 /// such whose median valid depth says that the unit is not mm, are errors. An image without any
 /// valid pixel is none.
 pub fn read_depth(path: &Path, camera: &Intrinsics) -> Result<DepthImage, PngError> {
-    let depth = read_grey16(path, camera)?;
+    let depth = read_grey16(path, Some([camera.width, camera.height]))?;
     check_unit(path, &depth.pixels)?;
     Ok(depth)
 }
 
-/// Reads a 16-bit grey image of the camera's size, whatever its unit.
-pub(super) fn read_grey16(path: &Path, camera: &Intrinsics) -> Result<DepthImage, PngError> {
-    let bytes = read(path, camera, BitDepth::Sixteen, "16-bit grey depth")?;
+/// Reads a 16-bit grey image, of the width and height `size` if that is given, whatever its unit.
+pub(super) fn read_grey16(path: &Path, size: Option<[usize; 2]>) -> Result<DepthImage, PngError> {
+    let ([width, height], bytes) = read(path, size, BitDepth::Sixteen, "16-bit grey depth")?;
     let (values, _) = bytes.as_chunks();
     Ok(Image {
-        width: camera.width,
-        height: camera.height,
+        width,
+        height,
         pixels: values.iter().map(|&b| u16::from_be_bytes(b)).collect(),
     })
 }
 
 /// Fails when the median valid depth says that the unit is not mm.
-pub(super) fn check_unit(path: &Path, pixels: &[u16]) -> Result<(), PngError> {
+fn check_unit(path: &Path, pixels: &[u16]) -> Result<(), PngError> {
     if let Some(median_mm) = median_valid(pixels)
         && !PLAUSIBLE_MEDIAN.contains(&median_mm)
     {
@@ -124,10 +118,12 @@ pub(super) fn check_unit(path: &Path, pixels: &[u16]) -> Result<(), PngError> {
 
 /// Reads an 8-bit grey label image of the camera's size.
 pub fn read_labels(path: &Path, camera: &Intrinsics) -> Result<LabelImage, PngError> {
+    let size = Some([camera.width, camera.height]);
+    let ([width, height], pixels) = read(path, size, BitDepth::Eight, "8-bit grey labels")?;
     Ok(Image {
-        width: camera.width,
-        height: camera.height,
-        pixels: read(path, camera, BitDepth::Eight, "8-bit grey labels")?,
+        width,
+        height,
+        pixels,
     })
 }
 
@@ -144,9 +140,9 @@ fn write(
     depth: BitDepth,
     bytes: &[u8],
 ) -> Result<(), PngError> {
-    let failed = |source| PngError::Write {
+    let failed = |cause| PngError::Write {
         path: path.to_owned(),
-        source,
+        cause,
     };
     let file = File::create(path).map_err(|e| failed(e.into()))?;
     let mut file = BufWriter::new(file);
@@ -163,23 +159,23 @@ fn write(
 
 fn read(
     path: &Path,
-    camera: &Intrinsics,
+    size: Option<[usize; 2]>,
     depth: BitDepth,
     wanted: &'static str,
-) -> Result<Vec<u8>, PngError> {
-    let failed = |source| PngError::Decode {
+) -> Result<([usize; 2], Vec<u8>), PngError> {
+    let failed = |cause| PngError::Decode {
         path: path.to_owned(),
-        source,
+        cause,
     };
-    let file = File::open(path).map_err(|source| PngError::Open {
+    let (file, _) = open(path).map_err(|cause| PngError::Open {
         path: path.to_owned(),
-        source,
+        cause,
     })?;
     let mut reader = Decoder::new(BufReader::new(file))
         .read_info()
         .map_err(failed)?;
     let info = reader.info();
-    let (found_width, found_height) = (info.width as usize, info.height as usize);
+    let found = [info.width as usize, info.height as usize];
     if (info.color_type, info.bit_depth) != (ColorType::Grayscale, depth) {
         return Err(PngError::Format {
             path: path.to_owned(),
@@ -187,16 +183,18 @@ fn read(
             wanted,
         });
     }
-    if (found_width, found_height) != (camera.width, camera.height) {
+    if size.is_some_and(|size| size != found) || found.iter().any(|&side| side > MAX_SIDE) {
+        let [found_width, found_height] = found;
+        let [width, height] = size.unwrap_or([MAX_SIDE; 2]);
         return Err(PngError::Size {
             path: path.to_owned(),
             found_width,
             found_height,
-            width: camera.width,
-            height: camera.height,
+            width,
+            height,
         });
     }
-    let mut bytes = vec![0; found_width * found_height * (depth as usize / 8)];
+    let mut bytes = vec![0; found[0] * found[1] * (depth as usize / 8)];
     reader.next_frame(&mut bytes).map_err(failed)?;
-    Ok(bytes)
+    Ok((found, bytes))
 }

@@ -1,6 +1,6 @@
 //! What one camera would have seen of the image that another one took from the same place.
 
-use super::{DepthImage, Intrinsics};
+use super::{DepthImage, Intrinsics, Lens};
 
 /// For each pixel of a view, where in images of another camera the nearest ray is found. The cameras
 /// stand at the same place and look the same way, so that z-depth stays what it is.
@@ -15,25 +15,27 @@ pub struct Resampling {
 const OUTSIDE: u32 = u32::MAX;
 
 impl Resampling {
-    /// From images of `from` to those of `to`.
-    pub fn new(from: &Intrinsics, to: &Intrinsics) -> Resampling {
-        // Where the ray of a column (row) is found; `None` outside.
-        let place = |at: usize, [c, f]: [f64; 2], [c_from, f_from]: [f64; 2], size: usize| {
-            let place = ((at as f64 - c) / f * f_from + c_from).round();
-            (0.0..size as f64).contains(&place).then_some(place as u32)
+    /// From images of `from` to those of `to`; the distortion of `from` is taken out.
+    pub fn new(from: &Lens, to: &Intrinsics) -> Resampling {
+        let Lens {
+            intrinsics: from,
+            distortion,
+        } = from;
+        // Where a coordinate of the ray is found; `None` outside.
+        let place = |ray: f64, [c, f]: [f64; 2], size: usize| {
+            let place = (ray * f + c).round();
+            (0.0..size as f64)
+                .contains(&place)
+                .then_some(place as usize)
         };
-        let columns: Vec<Option<u32>> = (0..to.width)
-            .map(|x| place(x, [to.cx, to.fx], [from.cx, from.fx], from.width))
-            .collect();
-        let row = |y| place(y, [to.cy, to.fy], [from.cy, from.fy], from.height);
-        let source = |row: Option<u32>, column: Option<u32>| match (row, column) {
-            (Some(row), Some(column)) => row * from.width as u32 + column,
-            _ => OUTSIDE,
+        let source = |x: usize, y: usize| {
+            let (x, y) = ((x as f64 - to.cx) / to.fx, (y as f64 - to.cy) / to.fy);
+            let [x, y] = distortion.apply(x, y)?;
+            let column = place(x, [from.cx, from.fx], from.width)?;
+            let row = place(y, [from.cy, from.fy], from.height)?;
+            Some((row * from.width + column) as u32)
         };
-        let of_row = |y| {
-            let row = row(y);
-            columns.iter().map(move |&column| source(row, column))
-        };
+        let of_row = |y| (0..to.width).map(move |x| source(x, y).unwrap_or(OUTSIDE));
         Resampling {
             to: *to,
             from: *from,
@@ -88,7 +90,7 @@ mod tests {
                 .map(|_| below(&mut random, 5000) as u16)
                 .collect(),
         };
-        let same = Resampling::new(&VIEW, &VIEW);
+        let same = Resampling::new(&(&VIEW).into(), &VIEW);
         assert_eq!(same.covered(), 1.0);
         assert_eq!(same.apply(&image), image);
     }
@@ -121,7 +123,7 @@ mod tests {
                 cx: 39.0 * zoom + uniform(&mut random, -2.0, 2.0),
                 cy: 30.0 * zoom + uniform(&mut random, -2.0, 2.0),
             };
-            let resampling = Resampling::new(&other, &VIEW);
+            let resampling = Resampling::new(&(&other).into(), &VIEW);
             assert_eq!(resampling.covered(), 1.0);
             let seen = resampling.apply(&plane(&other));
             // Half a pixel of at most 1 / 28 along a slope of at most 0.18 / m.
@@ -136,7 +138,7 @@ mod tests {
     #[test]
     fn what_is_not_covered_is_invalid() {
         let left = Intrinsics { width: 32, ..VIEW };
-        let resampling = Resampling::new(&left, &VIEW);
+        let resampling = Resampling::new(&(&left).into(), &VIEW);
         assert_eq!(resampling.covered(), 0.5);
         let seen = resampling.apply(&plane(&left));
         let whole = plane(&VIEW);

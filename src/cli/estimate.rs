@@ -2,9 +2,10 @@
 
 use super::overlay::{Overlays, rig_of};
 use super::{say, use_threads};
-use anyhow::{Context, Result, bail, ensure};
-use armpose::camera::depth_file::{EXTENSIONS, MILLIMETRE, read_depth_file};
-use armpose::camera::{DepthImage, Intrinsics, Resampling};
+use anyhow::{Context, Result, anyhow, bail, ensure};
+use armpose::camera::camera_file::{self, CameraFile};
+use armpose::camera::depth_file::{Units, check_range, endings, extension, read_depth_file};
+use armpose::camera::{DepthImage, Lens, Resampling};
 use armpose::model::{Estimate, Model};
 use serde_json::json;
 use std::io::BufRead;
@@ -16,9 +17,19 @@ use std::time::Instant;
 ///
 /// Example: armpose estimate --model my_model frame.png --overlay pictures
 ///
-/// An IMAGE is a 16-bit grey PNG in millimetres, or an NPY array (uint16 in millimetres, float32 or
-/// float64 in metres); 0 and NaN are invalid. A folder stands for all such files in it, and - for file
-/// names on stdin, one a line, each of which is answered before the next is read:
+/// An IMAGE is a depth image by the ending of its name, in small or capital letters:
+///
+///     .png         16-bit grey
+///     .npy, .npz   NumPy's array of 16- or 32-bit integers or floats, (rows, columns); of several in an
+///                  .npz the one called depth
+///     .tif, .tiff  one channel of 16- or 32-bit integers or floats
+///     .exr         OpenEXR: the channel Z, depth, V, Y or R, or the only one
+///     .pgm, .pfm   16-bit grey; floats
+///
+/// Integers count millimetres and floats metres, unless --depth-scale says otherwise. Zero, what is
+/// negative or not finite, and 65535 of 16 bits are invalid pixels. An image whose values cannot be depths
+/// in their unit, or without a valid pixel, is an error. A folder stands for all such files in it, and -
+/// for file names on stdin, one a line, each of which is answered before the next is read:
 ///
 ///     find . -name 'depth*.png' | armpose estimate --model my_model --json -
 ///
@@ -48,13 +59,16 @@ pub struct Arguments {
     /// The model, as `armpose train` wrote it
     #[arg(long, value_name = "FOLDER")]
     model: PathBuf,
-    /// The camera of the images, if it is not the model's: JSON with width, height, fx, fy, cx and cy in
-    /// pixels, such as the camera.json of a data set. It must see nearly all that the model's does.
+    /// The camera of the images, if it is not the model's. JSON with width, height, fx, fy, cx and cy in
+    /// pixels, such as the camera.json of a data set; a ROS CameraInfo or camera_calibration, OpenCV's YAML,
+    /// or the JSON of librealsense, Open3D and BOP (camera.json, scene_camera.json). Lens distortion is
+    /// taken out, but for that of a fisheye. It must see nearly all that the model's does.
     #[arg(long, value_name = "FILE")]
     camera: Option<PathBuf>,
-    /// Metres that one unit of an integer depth stands for
-    #[arg(long, value_name = "METRES", default_value_t = MILLIMETRE)]
-    depth_scale: f64,
+    /// Metres that one unit of a depth stands for [default: 1 for floats; for integers what a BOP file
+    /// says, or else 0.001]
+    #[arg(long, value_name = "METRES")]
+    depth_scale: Option<f64>,
     /// Answer in JSON, one line an image
     #[arg(long)]
     json: bool,
@@ -74,17 +88,14 @@ pub struct Arguments {
 
 pub fn run(arguments: &Arguments) -> Result<ExitCode> {
     use_threads(arguments.threads.map(usize::from))?;
-    let scale = arguments.depth_scale;
-    ensure!(
-        scale > 0.0 && scale.is_finite(),
-        "--depth-scale {scale}: choose a positive number of metres"
-    );
+    if let Some(scale) = arguments.depth_scale {
+        ensure!(
+            scale > 0.0 && scale.is_finite(),
+            "--depth-scale {scale}: choose a positive number of metres"
+        );
+    }
     let model = Model::load(&arguments.model)?;
-    let camera = match &arguments.camera {
-        Some(path) => read_camera(path)?,
-        None => model.record().intrinsics,
-    };
-    let resampling = model.view_of(&camera)?;
+    let mut reader = Reader::new(&model, arguments)?;
     let rig = match arguments.overlay {
         Some(_) => Some(rig_of(model.record(), arguments.robot.as_deref())?),
         None => None,
@@ -94,8 +105,8 @@ pub fn run(arguments: &Arguments) -> Result<ExitCode> {
         _ => None,
     };
     let mut estimate = |path: &Path| {
-        let image = read_depth_file(path, &camera, scale)?;
-        let seen = look(&model, &resampling, &image, arguments.stride.into());
+        let (image, resampling) = reader.read(path)?;
+        let seen = look(&model, resampling, &image, arguments.stride.into());
         if let Some(overlays) = &mut overlays {
             let pose = seen.estimate.pose.as_ref();
             overlays.draw_estimate(path, &seen.image, pose)?;
@@ -139,6 +150,81 @@ pub fn run(arguments: &Arguments) -> Result<ExitCode> {
     Ok(ExitCode::from(if all_well { 0 } else { 2 }))
 }
 
+/// Reads images with their camera.
+struct Reader<'a> {
+    model: &'a Model,
+    file: Option<CameraFile>,
+    depth_scale: Option<f64>,
+    /// The camera of the last image, and how the model sees through it.
+    last: Option<(Lens, Resampling)>,
+}
+
+impl<'a> Reader<'a> {
+    fn new(model: &'a Model, arguments: &Arguments) -> Result<Reader<'a>> {
+        let file = match &arguments.camera {
+            Some(path) => Some(camera_file::read(path).context("--camera")?),
+            None => None,
+        };
+        let mut reader = Reader {
+            model,
+            file,
+            depth_scale: arguments.depth_scale,
+            last: None,
+        };
+        // What is wrong with the camera of all images is said once.
+        let sole = reader.file.as_ref().and_then(CameraFile::sole);
+        if let Some(size) = sole.and_then(|camera| camera.size()) {
+            reader.through(Path::new(""), size)?;
+        }
+        Ok(reader)
+    }
+
+    /// The camera of an image of this size.
+    fn lens(&self, path: &Path, size: [usize; 2]) -> Result<Lens> {
+        match &self.file {
+            None => Ok((&self.model.record().intrinsics).into()),
+            Some(file) => {
+                let camera = file.of(path).context("--camera")?;
+                camera.lens(size).map_err(|e| anyhow!("--camera: {e}"))
+            }
+        }
+    }
+
+    /// How the model sees through the camera of an image of this size.
+    fn through(&mut self, path: &Path, size: [usize; 2]) -> Result<&Resampling> {
+        let lens = self.lens(path, size)?;
+        let resampling = match self.last.take() {
+            Some((last, resampling)) if last == lens => resampling,
+            _ => self.model.view_of(lens)?,
+        };
+        Ok(&self.last.insert((lens, resampling)).1)
+    }
+
+    /// The image, of depths that the model knows.
+    fn read(&mut self, path: &Path) -> Result<(DepthImage, &Resampling)> {
+        let usual = Units::default();
+        let (size, unit) = match &self.file {
+            None => {
+                let camera = self.model.record().intrinsics;
+                (Some([camera.width, camera.height]), None)
+            }
+            Some(file) => {
+                let camera = file.of(path).context("--camera")?;
+                (camera.size(), camera.unit_m())
+            }
+        };
+        let units = Units {
+            integer_m: self.depth_scale.or(unit).unwrap_or(usual.integer_m),
+            float_m: self.depth_scale.unwrap_or(usual.float_m),
+        };
+        let image = read_depth_file(path, size, units)?;
+        check_range(&image, &self.model.record().range)
+            .map_err(|e| anyhow!("{}: {e}", path.display()))?;
+        let resampling = self.through(path, [image.width, image.height])?;
+        Ok((image, resampling))
+    }
+}
+
 /// An image in the model's view, and what the model says of it.
 struct Seen {
     image: DepthImage,
@@ -163,31 +249,15 @@ fn images_in(folder: &Path) -> Result<Vec<PathBuf>> {
     let mut images = Vec::new();
     for entry in folder.read_dir().with_context(cannot_read)? {
         let path = entry.with_context(cannot_read)?.path();
-        let is_image = |end: &std::ffi::OsStr| EXTENSIONS.iter().any(|image| end == *image);
-        if path.extension().is_some_and(is_image) {
+        if extension(&path).is_some() {
             images.push(path);
         }
     }
     if images.is_empty() {
-        bail!("{} holds no depth images (.png, .npy)", folder.display());
+        bail!("{} holds no depth images ({})", folder.display(), endings());
     }
     images.sort();
     Ok(images)
-}
-
-/// Reads intrinsics that stand in a file alone, or in it as `intrinsics`.
-fn read_camera(path: &Path) -> Result<Intrinsics> {
-    let shown = || format!("--camera {}", path.display());
-    let text = std::fs::read_to_string(path).with_context(shown)?;
-    let mut value: serde_json::Value = serde_json::from_str(&text).with_context(shown)?;
-    if let Some(intrinsics) = value.get_mut("intrinsics") {
-        value = intrinsics.take();
-    }
-    let camera: Intrinsics = serde_json::from_value(value).with_context(shown)?;
-    match camera.mistake() {
-        Some(message) => bail!("{}: {message}", shown()),
-        None => Ok(camera),
-    }
 }
 
 fn to_json(model: &Model, path: &Path, seen: &Seen) -> serde_json::Value {

@@ -5,8 +5,8 @@ use super::{DataSetError, SetSpec};
 use crate::camera::{Camera, Photo, Photographer};
 use crate::random::{Stream, below, stream, uniform};
 use crate::scene::{
-    CameraJitter, OrientedBox, PoseSampler, Rig, RobotPlace, SelfCollision, furnish, robot_bodies,
-    room_body,
+    CameraJitter, OrientedBox, PoseSampler, Rig, RobotPlace, SelfCollision, check_view, furnish,
+    robot_bodies, room_body,
 };
 use nalgebra::{Isometry3, Point3};
 
@@ -67,6 +67,10 @@ impl<'a> Studio<'a> {
         })?;
         let poses = PoseSampler::new(&rig, &spec.poses)?;
         let sample = |stream: &mut Stream| poses.sample(&rig.robot, stream);
+        let some: Vec<Vec<f64>> = (0..64)
+            .map(|i| sample(&mut stream(0, "view", &[i])))
+            .collect();
+        check_view(&rig, target, &camera.intrinsics, &some)?;
         let collision = SelfCollision::new(&rig.robot, sample);
         // The camera stands still, so that any configuration tells where.
         let any = sample(&mut stream(0, "camera", &[]));
@@ -179,9 +183,13 @@ impl<'a> Studio<'a> {
         let body = room_body(&background.mesh, &camera_from_root);
         let mut photo = photographer.photograph(&[body], frames);
         if below(frames, 4) == 0 {
-            let range = &self.camera.range;
-            let shown_m = uniform(frames, range.near_m, range.far_m);
-            let beyond = |mm: &&mut u16| f64::from(**mm) > 1000.0 * shown_m;
+            // At least a fifth of what is valid stays.
+            let mut depths = photo.depth.pixels.clone();
+            depths.retain(|&mm| mm > 0);
+            depths.sort_unstable();
+            let farthest = (uniform(frames, 0.2, 1.0) * depths.len() as f64) as usize;
+            let farthest = depths.get(farthest).copied().unwrap_or(u16::MAX);
+            let beyond = |mm: &&mut u16| **mm > farthest;
             photo
                 .depth
                 .pixels

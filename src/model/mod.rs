@@ -13,7 +13,7 @@ pub mod training;
 
 pub use record::{FORMAT, JointRecord, ModelRecord, TrainedOn, Unit};
 
-use crate::camera::{DepthImage, Intrinsics, Resampling};
+use crate::camera::{DepthImage, Lens, Resampling};
 use crate::dataset::isometry;
 use crate::estimator::error::angle_error;
 use crate::estimator::image::ImageEstimate;
@@ -149,10 +149,11 @@ impl Model {
         self.camera_from_root
     }
 
-    /// What the model's camera would have seen of the images of another one. Fails when the other sees
+    /// What the model's camera would have seen of the images of another one, whose distortion is taken out.
+    /// Fails when the other sees
     /// too little of it.
-    pub fn view_of(&self, camera: &Intrinsics) -> Result<Resampling, ModelFolderError> {
-        let resampling = Resampling::new(camera, &self.record.intrinsics);
+    pub fn view_of(&self, camera: impl Into<Lens>) -> Result<Resampling, ModelFolderError> {
+        let resampling = Resampling::new(&camera.into(), &self.record.intrinsics);
         match resampling.covered() {
             share if share < LEAST_COVERED => Err(ModelFolderError::View {
                 percent: 100.0 * share,

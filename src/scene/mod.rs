@@ -5,11 +5,13 @@ mod collision;
 mod furniture;
 pub mod inspect;
 mod jitter;
+mod mount;
 mod oriented_box;
 mod overlay;
 mod pose;
 mod rig;
 mod room;
+mod view;
 
 pub use collision::SelfCollision;
 pub use jitter::CameraJitter;
@@ -18,6 +20,7 @@ pub use overlay::{ESTIMATED, KNOWN, cloud, draw_arm};
 pub use pose::{PoseSampler, PoseSpec};
 pub use rig::{Arm, Rig};
 pub use room::{Background, FurnitureSpec, RobotPlace, RoomSpec, furnish};
+pub use view::{ArmView, check_view};
 
 use crate::camera::Body;
 use crate::robot::{Mesh, RobotError};
@@ -36,6 +39,8 @@ pub enum SceneError {
     Rig { path: PathBuf, message: String },
     #[error("joint \"{joint}\": {message}")]
     Pose { joint: String, message: String },
+    #[error("the camera does not see arm \"{arm}\": {message}")]
+    View { arm: String, message: String },
 }
 
 /// The links of a posed robot, as the camera draws them: labels as [`Rig::label`] says.

@@ -2,9 +2,10 @@
 //! `robot.toml` declares them.
 
 use super::SceneError;
+use super::mount::CameraMount;
 use crate::robot::{Packages, Robot};
 use crate::strict_toml;
-use nalgebra::{Isometry3, Matrix3, Matrix4, Rotation3, Translation3, UnitQuaternion};
+use nalgebra::Isometry3;
 use serde::Deserialize;
 use std::path::{Path, PathBuf};
 
@@ -32,6 +33,10 @@ pub struct Rig {
     pub camera_link: usize,
     /// The pose of that link in the camera's optical frame.
     pub camera_from_link: Isometry3<f64>,
+    /// What that pose would be if a convention was mistaken for another, and for which.
+    pub camera_misreadings: Vec<(String, Isometry3<f64>)>,
+    /// What in the file was put right.
+    pub notes: Vec<String>,
 }
 
 #[derive(Deserialize)]
@@ -43,13 +48,6 @@ struct RigFile {
     /// The folders of packages that the URDF names, relative to this file.
     #[serde(default)]
     packages: Packages,
-}
-
-#[derive(Deserialize)]
-#[serde(deny_unknown_fields)]
-struct CameraMount {
-    link: String,
-    camera_from_link: Option<[[f64; 4]; 4]>,
 }
 
 #[derive(Deserialize)]
@@ -150,15 +148,14 @@ impl Rig {
             return Err("there must be at least one [[arm]]".to_owned());
         }
         let camera_link = link(&file.camera.link)?;
-        let camera_from_link = match file.camera.camera_from_link {
-            Some(rows) => isometry(&rows).ok_or("camera_from_link is not a rotation and a translation (rows of a 4x4 matrix, last row 0 0 0 1)")?,
-            None => Isometry3::identity(),
-        };
+        let mounted = file.camera.read()?;
         Ok(Rig {
             robot,
             arms,
             camera_link,
-            camera_from_link,
+            camera_from_link: mounted.camera_from_link,
+            camera_misreadings: mounted.misreadings,
+            notes: mounted.note.into_iter().collect(),
         })
     }
 
@@ -170,6 +167,8 @@ impl Rig {
             arms,
             camera_link,
             camera_from_link,
+            camera_misreadings: _,
+            notes: _,
         } = self;
         // Notes are about the files, not about the robot.
         let Robot {
@@ -208,20 +207,4 @@ impl Rig {
     pub fn camera_from_root(&self, root_from_link: &[Isometry3<f64>]) -> Isometry3<f64> {
         self.camera_from_link * root_from_link[self.camera_link].inverse()
     }
-}
-
-/// Reads the rows of a 4x4 matrix; `None` when it is no rigid motion (to 1e-3, as matrices that
-/// people paste are rounded).
-fn isometry(rows: &[[f64; 4]; 4]) -> Option<Isometry3<f64>> {
-    let matrix = Matrix4::from_fn(|row, column| rows[row][column]);
-    let turn: Matrix3<f64> = matrix.fixed_view::<3, 3>(0, 0).into_owned();
-    let rigid = (turn.transpose() * turn - Matrix3::identity()).abs().max() < 1e-3
-        && turn.determinant() > 0.0
-        && rows[3] == [0.0, 0.0, 0.0, 1.0]
-        && matrix.iter().all(|x| x.is_finite());
-    rigid.then(|| {
-        let turn = Rotation3::from_matrix(&turn);
-        let shift = Translation3::new(rows[0][3], rows[1][3], rows[2][3]);
-        Isometry3::from_parts(shift, UnitQuaternion::from_rotation_matrix(&turn))
-    })
 }
