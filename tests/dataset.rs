@@ -365,6 +365,10 @@ fn mistakes_in_a_specification_are_named() {
     };
     let camera = scale(camera, "width", "640", "32");
     let camera = scale(camera, "height", "480", "24");
+    let camera = scale(camera, "fx", "580.0", "29.0");
+    let camera = scale(camera, "fy", "580.0", "29.0");
+    let camera = scale(camera, "cx", "320.0", "15.5");
+    let camera = scale(camera, "cy", "240.0", "11.5");
     fs::write(folder.path().join("small.toml"), camera).unwrap();
     let small = folder.path().join("small.toml");
     let realistic = format!("{}/cameras/realistic.toml", root.display());
