@@ -1,9 +1,9 @@
 //! Small robots as people have them, each with the right answer (tests/fixtures/cases/robots). The box in
 //! every mesh is 0.1 x 0.05 x 0.02 m with a corner at its origin, unless said otherwise.
 
-use armpose::robot::{Mesh, Packages, Robot, RobotError};
+use armpose::robot::{Mesh, Robot, RobotError};
 use std::path::{Path, PathBuf};
-use std::process::{Command, Output};
+use std::process::Command;
 
 fn folder() -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/fixtures/cases/robots")
@@ -77,6 +77,14 @@ fn stl_and_obj_are_read_as_exporters_write_them() {
     ] {
         is(arm(&clean(name)), 12, [0.0; 3], [0.1, 0.05, 0.02], name);
     }
+    // After a comment that ends like a line that goes on.
+    let text = std::fs::read_to_string(folder().join("obj_cont.obj")).unwrap();
+    let temporary = tempfile::tempdir().unwrap();
+    let at = |name: &str| temporary.path().join(name);
+    std::fs::write(at("obj_cont.obj"), format!("# C:\\parts\\\n{text}")).unwrap();
+    std::fs::copy(folder().join("obj_cont.urdf"), at("robot.urdf")).unwrap();
+    let robot = Robot::from_urdf(&at("robot.urdf")).unwrap();
+    is(arm(&robot), 12, [0.0; 3], [0.1, 0.05, 0.02], "comment");
     // A triangle stands twice.
     is(
         arm(&clean("stl_solid_13")),
@@ -123,119 +131,6 @@ fn a_follower_has_the_limits_of_its_leader() {
     let follower = robot.joints.iter().find(|j| j.name == "fj").unwrap();
     assert_eq!(follower.limits, (-1.0, 1.0));
     assert!(refused("u_no_limit.urdf").contains("joint \"j\" has no usable limits; add <limit"));
-}
-
-#[test]
-fn a_package_is_found_where_it_is_said_to_be() {
-    let message = refused("u_pkg_elsewhere.urdf");
-    assert!(
-        message.contains("--package my_robot_description=DIR"),
-        "{message}"
-    );
-    let elsewhere = tempfile::tempdir().unwrap();
-    let package = elsewhere.path().join("src/my_robot_description");
-    std::fs::create_dir_all(package.join("meshes")).unwrap();
-    std::fs::copy(
-        folder().join("sub/part.stl"),
-        package.join("meshes/part.stl"),
-    )
-    .unwrap();
-    let urdf = folder().join("u_pkg_elsewhere.urdf");
-    let packages = Packages::from([("my_robot_description".to_owned(), package.clone())]);
-    let robot = Robot::from_urdf_with(&urdf, &packages).unwrap();
-    is(arm(&robot), 12, [0.0; 3], [0.1, 0.05, 0.02], "package");
-    assert!(robot.notes.is_empty());
-
-    let inspect = |more: &[&str], variable: &str, value: &Path| -> Output {
-        Command::new(env!("CARGO_BIN_EXE_armpose"))
-            .args(["robot", "inspect"])
-            .arg(&urdf)
-            .args(more)
-            .env(variable, value)
-            .output()
-            .unwrap()
-    };
-    let given = format!("my_robot_description={}", package.display());
-    let nowhere = elsewhere.path().join("nowhere");
-    for output in [
-        inspect(&["--package", &given], "UNUSED", &nowhere),
-        inspect(&[], "ROS_PACKAGE_PATH", elsewhere.path()),
-        inspect(&[], "ROS_PACKAGE_PATH", &package),
-    ] {
-        assert_eq!(output.status.code(), Some(0), "{output:?}");
-    }
-    assert_eq!(
-        inspect(&[], "ROS_PACKAGE_PATH", &nowhere).status.code(),
-        Some(2)
-    );
-    // A file that is not in the package is not taken from another one.
-    std::fs::remove_file(package.join("meshes/part.stl")).unwrap();
-    let output = inspect(&["--package", &given], "UNUSED", &nowhere);
-    let message = String::from_utf8(output.stderr).unwrap();
-    assert!(
-        message.contains("there is no file") && message.lines().count() == 1,
-        "{message}"
-    );
-    // An install of ROS 2; and a workspace whose folder has another name.
-    let share = elsewhere
-        .path()
-        .join("install/share/my_robot_description/meshes");
-    std::fs::create_dir_all(&share).unwrap();
-    std::fs::copy(folder().join("sub/part.stl"), share.join("part.stl")).unwrap();
-    let output = inspect(&[], "AMENT_PREFIX_PATH", &elsewhere.path().join("install"));
-    assert_eq!(output.status.code(), Some(0), "{output:?}");
-}
-
-#[test]
-fn a_robot_toml_says_where_packages_are() {
-    let folder_of_rig = tempfile::tempdir().unwrap();
-    let at = |name: &str| folder_of_rig.path().join(name);
-    std::fs::create_dir_all(at("assets/meshes")).unwrap();
-    std::fs::copy(folder().join("sub/part.stl"), at("assets/meshes/part.stl")).unwrap();
-    std::fs::copy(folder().join("u_pkg_elsewhere.urdf"), at("arm.urdf")).unwrap();
-    let rig = "urdf = \"arm.urdf\"\n[packages]\nmy_robot_description = \"assets\"\n[camera]\nlink = \
-               \"base\"\n[[arm]]\nname = \"a\"\nroot = \"arm\"\ntip = \"arm\"\njoints = [\"j\"]\n";
-    std::fs::write(at("robot.toml"), rig).unwrap();
-    let rig = armpose::scene::Rig::read(&at("robot.toml")).unwrap();
-    assert_eq!(arm(&rig.robot).triangles.len(), 12);
-}
-
-#[test]
-fn a_package_is_known_by_its_manifest() {
-    let workspace = tempfile::tempdir().unwrap();
-    let at = |name: &str| workspace.path().join(name);
-    for (package, name) in [("clone-main", "my_robot_description"), ("other", "other")] {
-        std::fs::create_dir_all(at(package).join("urdf")).unwrap();
-        std::fs::create_dir_all(at(package).join("meshes")).unwrap();
-        let manifest = format!("<?xml version=\"1.0\"?><package><name>{name}</name></package>");
-        std::fs::write(at(package).join("package.xml"), manifest).unwrap();
-        std::fs::copy(
-            folder().join("sub/part.stl"),
-            at(package).join("meshes/part.stl"),
-        )
-        .unwrap();
-        let urdf = folder().join("u_pkg_elsewhere.urdf");
-        std::fs::copy(urdf, at(package).join("urdf/arm.urdf")).unwrap();
-    }
-    let robot = Robot::from_urdf(&at("clone-main/urdf/arm.urdf")).unwrap();
-    assert!(robot.notes.is_empty());
-    // There is meshes/part.stl, but it belongs to another package.
-    let error = Robot::from_urdf(&at("other/urdf/arm.urdf")).map(drop);
-    assert!(
-        error
-            .unwrap_err()
-            .to_string()
-            .contains("is not found; say where")
-    );
-    // Where no manifest speaks against it, the file is taken, and that is told.
-    std::fs::remove_file(at("other/package.xml")).unwrap();
-    let robot = Robot::from_urdf(&at("other/urdf/arm.urdf")).unwrap();
-    assert_eq!(robot.notes.len(), 1);
-    assert!(
-        robot.notes[0].contains("is taken to be"),
-        "{:?}",
-        robot.notes
-    );
 }
 
 #[test]
@@ -310,49 +205,6 @@ fn numbers_in_another_unit_are_warned_of() {
     }
 }
 
-/// `armpose robot inspect FILE` with these programs only.
-fn inspect_with_path(file: &Path, programs: &Path) -> Output {
-    let mut command = Command::new(env!("CARGO_BIN_EXE_armpose"));
-    command.args(["robot", "inspect"]).arg(file);
-    command.env("PATH", programs).output().unwrap()
-}
-
-#[test]
-fn xacro_makes_a_urdf_or_is_asked_for() {
-    use std::os::unix::fs::PermissionsExt;
-    let programs = tempfile::tempdir().unwrap();
-    let file = folder().join("u_xacro.urdf");
-    let stderr = |output: Output| {
-        assert_eq!(output.status.code(), Some(2));
-        String::from_utf8(output.stderr).unwrap()
-    };
-    let message = stderr(inspect_with_path(&file, programs.path()));
-    assert!(
-        message.contains("pip install xacro") && message.lines().count() == 1,
-        "{message}"
-    );
-    let xacro = |script: &str| {
-        let path = programs.path().join("xacro");
-        std::fs::write(&path, format!("#!/bin/sh\n{script}\n")).unwrap();
-        std::fs::set_permissions(&path, std::fs::Permissions::from_mode(0o755)).unwrap();
-    };
-    let urdf = folder().join("u_no_effort.urdf");
-    xacro(&format!("exec /bin/cat '{}'", urdf.display()));
-    let output = inspect_with_path(&file, programs.path());
-    assert_eq!(output.status.code(), Some(0), "{output:?}");
-    let own = programs.path().join("robot.urdf.xacro");
-    std::fs::write(&own, "anything").unwrap();
-    let output = inspect_with_path(&own, programs.path());
-    assert_eq!(output.status.code(), Some(0), "{output:?}");
-    xacro("echo 'undefined\nsubstitution' >&2; exit 2");
-    let message = stderr(inspect_with_path(&file, programs.path()));
-    assert!(
-        message.contains("xacro failed: undefined substitution"),
-        "{message}"
-    );
-    assert_eq!(message.lines().count(), 1);
-}
-
 #[test]
 fn what_a_robot_is_can_be_read_by_programs() {
     let mut command = Command::new(env!("CARGO_BIN_EXE_armpose"));
@@ -374,4 +226,90 @@ fn what_a_robot_is_can_be_read_by_programs() {
     assert_eq!(follower["mimic"]["joint"], "j");
     assert_eq!(follower["mimic"]["multiplier"], -1.0);
     assert_eq!(follower["limits"], serde_json::json!([-1.0, 1.0]));
+}
+
+/// Reads a robot of the links "a" and "b" with these bodies, and this joint between them.
+fn two_links(a: &str, b: &str, joint: &str) -> Result<Robot, RobotError> {
+    let temporary = tempfile::tempdir().unwrap();
+    let path = temporary.path().join("robot.urdf");
+    std::fs::copy(
+        folder().join("sub/part.Stl"),
+        temporary.path().join("part.Stl"),
+    )
+    .unwrap();
+    let text = format!(
+        "<robot><link name=\"a\">{a}</link><link name=\"b\">{b}</link>{joint}<gazebo>\
+         <undeclared:plugin x:y=\"1\"/></gazebo></robot>"
+    );
+    std::fs::write(&path, text).unwrap();
+    Robot::from_urdf(&path)
+}
+
+fn joint(kind: &str, limit: &str) -> String {
+    format!(
+        "<joint name=\"j\" type=\"{kind}\"><parent link=\"a\"/><child link=\"b\"/>{limit}</joint>"
+    )
+}
+
+fn body(geometry: &str) -> String {
+    format!("<visual><geometry>{geometry}</geometry></visual>")
+}
+
+#[test]
+fn joints_with_more_freedom_are_held_and_limits_beyond_reason_are_none() {
+    for kind in ["floating", "planar", "spherical"] {
+        let robot = two_links("", "", &joint(kind, "")).unwrap();
+        assert_eq!(robot.dofs(), 0);
+        assert!(robot.notes[0].contains(&format!("joint \"j\" is {kind}")));
+    }
+    let limit = |lower: &str, upper: &str| format!("<limit lower=\"{lower}\" upper=\"{upper}\"/>");
+    let endless = joint("revolute", &limit("-1e+16", "1e+16"));
+    let robot = two_links("", "", &endless).unwrap();
+    assert!(robot.joints[0].is_circular() && robot.notes.len() == 1);
+    for (lower, upper) in [("-1e+16", "1"), ("nan", "1"), ("1", "-1"), ("one", "2")] {
+        assert!(two_links("", "", &joint("revolute", &limit(lower, upper))).is_err());
+    }
+    // One that is left out is 0, as both are where a joint is locked.
+    let robot = two_links("", "", &joint("revolute", "<limit upper=\"2\"/>")).unwrap();
+    assert_eq!(robot.joints[0].limits, (0.0, 2.0));
+    let robot = two_links("", "", &joint("prismatic", &limit("0", "0"))).unwrap();
+    assert_eq!(robot.joints[0].limits, (0.0, 0.0));
+    let long = two_links("", "", &joint("prismatic", &limit("0", "50"))).unwrap();
+    assert!(long.warnings[0].contains("are its limits in millimetres?"));
+    let turns = two_links("", "", &joint("revolute", &limit("-12.6", "12.6"))).unwrap();
+    assert!(turns.warnings.is_empty());
+}
+
+#[test]
+fn a_scale_is_advised_only_where_the_file_says_no_unit() {
+    let fixed = joint("fixed", "");
+    let scaled = |scale: &str| format!("<mesh filename=\"part.Stl\" scale=\"{scale}\"/>");
+    let robot = two_links(&body(&scaled("2 2 2")), "", &fixed).unwrap();
+    is(
+        &robot.links[0].mesh,
+        12,
+        [0.0; 3],
+        [0.2, 0.1, 0.04],
+        "part.Stl",
+    );
+    let told = |geometry: &str| {
+        let error = two_links(&body(geometry), "", &fixed).map(drop);
+        error.unwrap_err().to_string()
+    };
+    let message = told(&scaled("1000 1000 1000"));
+    assert!(
+        message.contains("100.0 x 50.0 x 20.0 m large; check the scale"),
+        "{message}"
+    );
+    assert!(told("<box size=\"300 80 80\"/>").contains("check its size, which is in metres"));
+    let big = folder().join("dae_chain.dae");
+    let dae = |scale| format!("<mesh filename=\"{}\" scale=\"{scale}\"/>", big.display());
+    let message = told(&dae("1e3 1e3 1e3"));
+    assert!(
+        message.contains("the file says its unit") && !message.contains("0.001"),
+        "{message}"
+    );
+    assert!(told("<ellipsoid/>").contains("<ellipsoid>, which is not read"));
+    assert!(told("<sphere radius=\"x\"/>").contains("radius=\"x\", which should be 1 number"));
+    assert!(told("<sphere/>").contains("has no radius"));
 }

@@ -14,7 +14,10 @@ pub fn read(text: &str) -> Result<Mesh, String> {
     while let Some((number, line)) = lines.next() {
         let mut joined = String::new();
         let mut last = line;
-        while let Some(start) = last.trim_end().strip_suffix('\\') {
+        // A comment may end like that by chance, as in the name of a folder.
+        while !line.trim_start().starts_with('#')
+            && let Some(start) = last.trim_end().strip_suffix('\\')
+        {
             joined.push_str(start);
             joined.push(' ');
             last = lines.next().unwrap_or_default().1;
