@@ -9,6 +9,7 @@ mod diff;
 mod estimate;
 mod evaluate;
 mod experiment;
+mod init;
 mod overlay;
 mod report;
 mod robot;
@@ -41,6 +42,7 @@ enum Command {
     Report(report::Arguments),
     Cache(cache::Arguments),
     Diff(diff::Arguments),
+    Init(init::Arguments),
     Dataset(dataset::Arguments),
     Robot(robot::Arguments),
     Train(train::Arguments),
@@ -56,6 +58,7 @@ pub fn main() -> ExitCode {
         Command::Report(arguments) => report::run(&arguments),
         Command::Cache(arguments) => cache::run(&arguments),
         Command::Diff(arguments) => diff::run(&arguments),
+        Command::Init(arguments) => init::run(&arguments),
         Command::Dataset(arguments) => dataset::run(&arguments),
         Command::Robot(arguments) => robot::run(&arguments),
         Command::Train(arguments) => train::run(&arguments),

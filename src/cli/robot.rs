@@ -58,7 +58,8 @@ struct Inspect {
     json: bool,
 }
 
-fn package(text: &str) -> Result<(String, PathBuf), String> {
+/// Reads `NAME=DIR`.
+pub fn package(text: &str) -> Result<(String, PathBuf), String> {
     match text.split_once('=') {
         Some((name, folder)) if !name.is_empty() && Path::new(folder).is_dir() => {
             Ok((name.to_owned(), folder.into()))

@@ -9,6 +9,7 @@ mod mount;
 mod oriented_box;
 mod overlay;
 mod pose;
+pub mod proposal;
 mod rig;
 mod room;
 mod view;
