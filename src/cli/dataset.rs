@@ -1,9 +1,10 @@
 //! `armpose dataset`: images of a robot to train on.
 
-use super::{progress_bar, say, use_threads};
+use super::{progress_bar, say, tell_notes, use_threads};
 use anyhow::Result;
 use armpose::dataset::{SetSpec, SheetStyle, contact_sheet, generate};
 use armpose::experiment::progress::duration;
+use armpose::scene::Rig;
 use clap::Subcommand;
 use std::path::PathBuf;
 use std::process::ExitCode;
@@ -133,6 +134,7 @@ fn render(arguments: &Render) -> Result<ExitCode> {
     let begin = Instant::now();
     let mut spec = SetSpec::read(&arguments.set)?;
     spec.images = arguments.images.unwrap_or(spec.images);
+    tell_notes(&Rig::read(&spec.robot_path())?);
     let bar = progress_bar(spec.images as u64, "images");
     let set = generate(&spec, arguments.seed, &arguments.out, &|n| bar.inc(n));
     bar.finish_and_clear();

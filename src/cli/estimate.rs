@@ -38,6 +38,8 @@ use std::time::Instant;
 ///     image        the file's name
 ///     arm_visible  whether the arm is seen; null for models without segmentation. The least number of
 ///                  pixels for it is 600 of 640 x 480 and in proportion for others.
+///     presence     the share of trees that say that the robot is there at all, 0 to 1; the arm is visible
+///                  only if it is large enough. null for models trained on images of the robot only.
 ///     joints       for each joint its value, its name ending with the unit, _rad or _m; null when the
 ///                  arm is not visible
 ///     spread       for each joint how far the pixels' estimates are apart, in the same unit: their
@@ -104,9 +106,24 @@ pub fn run(arguments: &Arguments) -> Result<ExitCode> {
         (Some(folder), Some(rig)) => Some(Overlays::new(folder, &model, rig)?),
         _ => None,
     };
+    // A camera is mounted once: a few images tell how.
+    let mut to_turn = 3;
     let mut estimate = |path: &Path| {
         let (image, resampling) = reader.read(path)?;
         let seen = look(&model, resampling, &image, arguments.stride.into());
+        if seen.estimate.pose.is_none() || to_turn > 0 {
+            to_turn -= 1.min(to_turn);
+            if let Some(turn) =
+                model.seen_better(&seen.image, &seen.estimate, arguments.stride.into())
+            {
+                eprintln!(
+                    "armpose: warning: {}: the arm shows better in the image {}; are the images those of \
+                     the camera in robot.toml?",
+                    path.display(),
+                    turn
+                );
+            }
+        }
         if let Some(overlays) = &mut overlays {
             let pose = seen.estimate.pose.as_ref();
             overlays.draw_estimate(path, &seen.image, pose)?;
@@ -220,6 +237,7 @@ impl<'a> Reader<'a> {
         let image = read_depth_file(path, size, units)?;
         check_range(&image, &self.model.record().range)
             .map_err(|e| anyhow!("{}: {e}", path.display()))?;
+        (self.model.check_depths(&image)).map_err(|e| anyhow!("{}: {e}", path.display()))?;
         let resampling = self.through(path, [image.width, image.height])?;
         Ok((image, resampling))
     }
@@ -261,7 +279,11 @@ fn images_in(folder: &Path) -> Result<Vec<PathBuf>> {
 }
 
 fn to_json(model: &Model, path: &Path, seen: &Seen) -> serde_json::Value {
-    let Estimate { sure_pixels, pose } = &seen.estimate;
+    let Estimate {
+        presence,
+        sure_pixels,
+        pose,
+    } = &seen.estimate;
     let by_joint = |values: &[f64]| {
         let joints = model.record().joints.iter().zip(values);
         let members = joints.map(|(joint, &value)| (joint.column(), json!(value)));
@@ -270,6 +292,7 @@ fn to_json(model: &Model, path: &Path, seen: &Seen) -> serde_json::Value {
     json!({
         "image": path.to_string_lossy(),
         "arm_visible": sure_pixels.map(|_| pose.is_some()),
+        "presence": presence,
         "joints": pose.as_ref().map(|pose| by_joint(&pose.values)),
         "spread": pose.as_ref().map(|pose| by_joint(&pose.spread)),
         "confidence": pose.as_ref().map(|pose| pose.confidence),
@@ -281,7 +304,9 @@ fn to_json(model: &Model, path: &Path, seen: &Seen) -> serde_json::Value {
 
 fn to_text(model: &Model, path: &Path, seen: &Seen) -> String {
     let record = model.record();
-    let Estimate { sure_pixels, pose } = &seen.estimate;
+    let Estimate {
+        sure_pixels, pose, ..
+    } = &seen.estimate;
     let sees = match sure_pixels {
         Some(n) => format!("{n} pixels surely show the arm"),
         None => "not segmented".to_owned(),
@@ -289,9 +314,15 @@ fn to_text(model: &Model, path: &Path, seen: &Seen) -> String {
     let mut text = format!("{}: {sees}, {:.0} ms\n", path.display(), seen.latency_ms);
     let Some(pose) = pose else {
         let least = record.least_arm_pixels;
-        text.push_str(&format!(
-            "  the arm is not visible: that takes {least} pixels\n"
-        ));
+        let why = match (seen.estimate.presence, record.least_presence) {
+            (Some(share), Some(needed)) if share < needed => format!(
+                "{:.0} % of the trees see a robot, and it takes {:.0} %",
+                100.0 * share,
+                100.0 * needed
+            ),
+            _ => format!("that takes {least} pixels"),
+        };
+        text.push_str(&format!("  the arm is not visible: {why}\n"));
         return text;
     };
     let width = record

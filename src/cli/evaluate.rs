@@ -124,6 +124,8 @@ fn per_image(ruler: &Ruler, looked: &[Looked]) -> Table {
         "image",
         "robot",
         "shown_px",
+        "presence",
+        "presence",
         "arm_px",
         "arm_found",
         "confidence",
@@ -136,11 +138,16 @@ fn per_image(ruler: &Ruler, looked: &[Looked]) -> Table {
     let mut table = Table::new(columns);
     let missing = || Cell::from("");
     for (image, looked) in looked.iter().enumerate() {
-        let Estimate { sure_pixels, pose } = &looked.estimate;
+        let Estimate {
+            presence,
+            sure_pixels,
+            pose,
+        } = &looked.estimate;
         let mut row: Vec<Cell> = vec![
             image.into(),
             usize::from(looked.truth.is_some()).into(),
             looked.shown_pixels.into(),
+            presence.map_or_else(missing, Cell::from),
             sure_pixels.map_or_else(missing, Cell::from),
             usize::from(pose.is_some()).into(),
         ];

@@ -183,7 +183,7 @@ fn robot_toml(
         for (name, folder) in &arguments.packages {
             text.push_str(&format!(
                 "{} = {}\n",
-                quoted(Path::new(name)),
+                key(name),
                 quoted(&seen_from(out, folder)?)
             ));
         }
@@ -258,7 +258,7 @@ fn set_toml(robot: &Robot, arm: &Limb, camera: &Camera, view: &Viewpoint) -> Str
     let ranges = ranges(robot, arm);
     for &joint in &arm.joints {
         let joint = &robot.joints[joint];
-        let name = quoted(Path::new(&joint.name));
+        let name = key(&joint.name);
         let line = match ranges.get(&joint.name) {
             Some([low, high]) => format!("{name} = [{low}, {high}]  # it turns all round\n"),
             None => format!("# {name} = [{}, {}]\n", joint.limits.0, joint.limits.1),
@@ -286,7 +286,9 @@ fn set_toml(robot: &Robot, arm: &Limb, camera: &Camera, view: &Viewpoint) -> Str
 fn rows(pose: &Isometry3<f64>) -> String {
     let matrix = pose.to_homogeneous();
     let row = |row: usize| {
-        let numbers = (0..4).map(|column| format!("{:8.4}", matrix[(row, column)] + 0.0));
+        // Adding zero makes -0 and 0 one number.
+        let number = |column: usize| (1e4 * matrix[(row, column)]).round() / 1e4 + 0.0;
+        let numbers = (0..4).map(|column| format!("{:8.4}", number(column)));
         format!("  [{}],\n", numbers.collect::<Vec<_>>().join(", "))
     };
     (0..3).map(row).collect::<String>() + "  [0, 0, 0, 1],\n"
@@ -299,6 +301,15 @@ fn seen_from(folder: &Path, path: &Path) -> Result<PathBuf> {
         false => {
             std::path::absolute(path).with_context(|| format!("cannot find {}", path.display()))
         }
+    }
+}
+
+/// A TOML key: quoted only where it must be.
+fn key(name: &str) -> String {
+    let is_bare = |c: char| c.is_ascii_alphanumeric() || c == '_' || c == '-';
+    match !name.is_empty() && name.chars().all(is_bare) {
+        true => name.to_owned(),
+        false => quoted(Path::new(name)),
     }
 }
 

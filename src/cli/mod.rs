@@ -20,6 +20,7 @@ use anyhow::{Context, Result};
 use armpose::experiment::cache::Cache;
 use armpose::experiment::study::Profile;
 use armpose::experiment::study_file::Request;
+use armpose::scene::Rig;
 use clap::{Parser, Subcommand};
 use indicatif::{ProgressBar, ProgressStyle};
 use std::io::{ErrorKind, Write};
@@ -82,6 +83,16 @@ fn say(text: &str) -> Result<()> {
             Err(error).context("cannot write to stdout")
         }
         _ => Ok(()),
+    }
+}
+
+/// Tells on stderr what may surprise in a robot's files.
+fn tell_notes(rig: &Rig) {
+    for warning in &rig.robot.warnings {
+        eprintln!("armpose: warning: {warning}");
+    }
+    for note in rig.robot.notes.iter().chain(&rig.notes) {
+        eprintln!("armpose: note: {note}");
     }
 }
 

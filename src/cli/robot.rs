@@ -5,6 +5,7 @@ use anyhow::Result;
 use armpose::dataset::portrait;
 use armpose::experiment::table::{Cell, Table};
 use armpose::robot::{Joint, Motion, Packages, Robot};
+use armpose::scene::proposal::limbs;
 use armpose::scene::{Rig, inspect};
 use clap::Subcommand;
 use std::path::{Path, PathBuf};
@@ -88,7 +89,9 @@ fn inspect_robot(arguments: &Inspect) -> Result<ExitCode> {
         let arms = arms(&rig);
         (rig.robot, arms)
     } else {
-        (Robot::from_urdf_with(path, &packages)?, String::new())
+        let robot = Robot::from_urdf_with(path, &packages)?;
+        let guess = guess(&robot);
+        (robot, guess)
     };
     let text = match arguments.json {
         true => format!("{:#}\n", inspect::as_json(&robot)),
@@ -209,6 +212,23 @@ fn links(robot: &Robot) -> Table {
         ]);
     }
     table
+}
+
+/// The limb that is most likely the arm.
+fn guess(robot: &Robot) -> String {
+    let limbs = limbs(robot);
+    let Some(arm) = limbs.first() else {
+        return String::new();
+    };
+    let joints: Vec<&str> = (arm.joints.iter())
+        .map(|&joint| robot.joints[joint].name.as_str())
+        .collect();
+    format!(
+        "\nprobably the arm: from link {} to {}; armpose init writes it down\n  pose: {}\n",
+        robot.links[arm.root].name,
+        robot.links[arm.tip].name,
+        joints.join(", ")
+    )
 }
 
 fn arms(rig: &Rig) -> String {

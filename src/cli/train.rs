@@ -1,7 +1,7 @@
 //! `armpose train`: from a data set to a model.
 
 use super::ruler::Ruler;
-use super::{progress_bar, say, use_threads};
+use super::{progress_bar, say, tell_notes, use_threads};
 use anyhow::{Result, ensure};
 use armpose::camera::Photographer;
 use armpose::dataset::{DataSet, Studio};
@@ -81,6 +81,7 @@ pub fn run(arguments: &Arguments) -> Result<ExitCode> {
     );
     let set = DataSet::open(&arguments.data)?;
     let rig = Rig::read(&arguments.robot)?;
+    tell_notes(&rig);
     let robot = arguments.robot.canonicalize()?;
 
     let mut spec = ModelSpec::of_paper(set.camera().intrinsics.width);

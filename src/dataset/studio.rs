@@ -97,6 +97,11 @@ impl<'a> Studio<'a> {
         })
     }
 
+    /// The camera that images are taken with.
+    pub fn camera(&self) -> &Camera {
+        &self.camera
+    }
+
     /// Takes an image, which depends on nothing but the specification, the seed and its number. Frames are
     /// drawn until one is free of collision and shows what the specification demands. `photographer` is
     /// one of this camera.

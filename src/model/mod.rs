@@ -2,6 +2,8 @@
 //!
 //! ```text
 //! model.json         what the model is for and how it came about
+//! presence.bin       the forest that tells whether there is a robot; absent when the training images all
+//!                    showed it
 //! segmentation.bin   the forest that finds the arm; absent when trained without segmentation
 //! pose.bin           the forest that estimates its pose in what is left
 //! ```
@@ -24,6 +26,7 @@ use crate::forest::ForestError;
 use crate::forest::model_file::ModelError;
 use crate::forest::pose_forest::PoseForest;
 use crate::forest::segmentation_forest::SegmentationForest;
+use crate::training::presence::{CLASSES, centre};
 use nalgebra::Isometry3;
 use serde::{Deserialize, Serialize};
 use std::path::{Path, PathBuf};
@@ -59,6 +62,7 @@ pub enum ModelFolderError {
 #[derive(Debug, Clone)]
 pub struct Model {
     record: ModelRecord,
+    presence: Option<SegmentationForest>,
     segmentation: Option<SegmentationForest>,
     pose: PoseForest,
     camera_from_root: Isometry3<f64>,
@@ -69,10 +73,15 @@ pub struct Model {
 /// What a model says of one image.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Estimate {
+    /// The share of trees that say that the image shows the robot, 0 to 1; absent when the model has learnt
+    /// from images of the robot only.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub presence: Option<f64>,
     /// How many pixels surely show the arm; absent when the model does not segment.
     pub sure_pixels: Option<usize>,
-    /// Absent when these are fewer than [`ModelRecord::least_arm_pixels`], or when the image has no valid
-    /// pixel: then the arm is not visible and nothing can be said of its pose.
+    /// Absent when these are fewer than [`ModelRecord::least_arm_pixels`], when `presence` is less than
+    /// [`ModelRecord::least_presence`], or when the image has no valid pixel: then the arm is not visible
+    /// and nothing can be said of its pose.
     pub pose: Option<PoseEstimate>,
 }
 
@@ -91,10 +100,14 @@ pub struct PoseEstimate {
     pub pixels: usize,
 }
 
+/// Median depths may be so many times less or greater than those of the training images.
+const FAR_FROM_TRAINING: f64 = 3.0;
+
 /// The share of a model's view that images must cover.
 const LEAST_COVERED: f64 = 0.9;
 
 const RECORD: &str = "model.json";
+const PRESENCE: &str = "presence.bin";
 const SEGMENTATION: &str = "segmentation.bin";
 const POSE: &str = "pose.bin";
 
@@ -102,10 +115,19 @@ impl Model {
     /// Joins the parts. Fails with a sentence when they do not fit together.
     fn new(
         record: ModelRecord,
+        presence: Option<SegmentationForest>,
         segmentation: Option<SegmentationForest>,
         mut pose: PoseForest,
     ) -> Result<Model, String> {
         record.check()?;
+        let is_presence = |forest: &SegmentationForest| {
+            forest.classes() == CLASSES && forest.features().extra() == Extra::Nothing
+        };
+        if !presence.as_ref().is_none_or(is_presence) {
+            return Err(format!(
+                "{PRESENCE} does not tell images with the robot from others"
+            ));
+        }
         let names = record.joints.iter().map(|joint| &joint.name);
         if !names.eq(pose.names()) {
             return Err(format!(
@@ -132,6 +154,7 @@ impl Model {
             .ok_or_else(|| format!("camera_from_root of {RECORD} is no rigid motion"))?;
         Ok(Model {
             record,
+            presence,
             segmentation,
             pose,
             camera_from_root,
@@ -194,9 +217,15 @@ impl Model {
             record.files.insert(name.to_owned(), hash);
             Ok::<(), ModelFolderError>(())
         };
-        if let Some(forest) = &self.segmentation {
-            forest.save(&folder.join(SEGMENTATION))?;
-            note(SEGMENTATION)?;
+        let finders = [
+            (&self.presence, PRESENCE),
+            (&self.segmentation, SEGMENTATION),
+        ];
+        for (forest, name) in finders {
+            if let Some(forest) = forest {
+                forest.save(&folder.join(name))?;
+                note(name)?;
+            }
         }
         self.pose.save(&folder.join(POSE))?;
         note(POSE)?;
@@ -210,20 +239,25 @@ impl Model {
             path: folder.to_owned(),
             message,
         };
-        let segmentation = match record.segmentation {
-            Some(_) => Some(SegmentationForest::load(&folder.join(SEGMENTATION))?),
-            None => None,
+        let finder = |name: &str, is_there: bool| match is_there {
+            true => SegmentationForest::load(&folder.join(name)).map(Some),
+            false => Ok(None),
         };
+        let presence = finder(PRESENCE, record.least_presence.is_some())?;
+        let segmentation = finder(SEGMENTATION, record.segmentation.is_some())?;
         let pose = PoseForest::load(&folder.join(POSE))?;
         // Each forest is whole by now, but it may be that of another model.
-        let forests = segmentation.iter().map(|_| SEGMENTATION).chain([POSE]);
+        let presences = presence.iter().map(|_| PRESENCE);
+        let forests = presences
+            .chain(segmentation.iter().map(|_| SEGMENTATION))
+            .chain([POSE]);
         for name in forests {
             if record.files.get(name) != Some(&hash(&folder.join(name))?) {
                 let message = format!("{name} belongs to another model than {RECORD}");
                 return Err(invalid(message));
             }
         }
-        Model::new(record, segmentation, pose).map_err(invalid)
+        Model::new(record, presence, segmentation, pose).map_err(invalid)
     }
 
     /// Estimates the pose of the arm in an image of the model's camera. Depths that the camera of the
@@ -237,6 +271,7 @@ impl Model {
             "size of the image"
         );
         let mut left = masked(depth, |at| self.record.range.holds(depth.pixels[at]));
+        let presence = (self.presence.as_ref()).map(|forest| presence_share(forest, &left));
         let mut sure_pixels = None;
         if let Some(forest) = &self.segmentation {
             let found: Segmentation = segment(forest, &left, self.class, stride);
@@ -244,11 +279,55 @@ impl Model {
             left = masked(&left, is_arm);
             sure_pixels = Some(found.sure_pixels());
         }
-        let is_visible = sure_pixels.is_none_or(|n| n >= self.record.least_arm_pixels);
+        let is_there = presence >= self.record.least_presence;
+        let is_visible = is_there && sure_pixels.is_none_or(|n| n >= self.record.least_arm_pixels);
         Estimate {
+            presence,
             sure_pixels,
             pose: is_visible.then(|| self.pose_in(&left, stride)).flatten(),
         }
+    }
+
+    /// Fails when the median of the valid depths in range is far from those of the training images: then the
+    /// unit is another, or the scene. The error is the rest of a sentence about the image.
+    pub fn check_depths(&self, depth: &DepthImage) -> Result<(), String> {
+        let in_range = masked(depth, |at| self.record.range.holds(depth.pixels[at]));
+        let [low, high] = self.record.median_depth_m;
+        let median = in_range
+            .median_mm()
+            .map_or(0.0, |mm| f64::from(mm) / 1000.0);
+        match (low / FAR_FROM_TRAINING..=high * FAR_FROM_TRAINING).contains(&median) {
+            true => Ok(()),
+            false => Err(format!(
+                "the median of its depths is {median:.2} m, but those of the images that the model learnt \
+                 from are {low:.2} to {high:.2} m; is the unit right (--depth-scale)?"
+            )),
+        }
+    }
+
+    /// How an image must be turned over for the arm to show clearly better than in what
+    /// [`Model::estimate`] made of it as it is: visible where it was not, or in twice as many pixels. `None`
+    /// for models that do not segment.
+    pub fn seen_better(
+        &self,
+        depth: &DepthImage,
+        as_it_is: &Estimate,
+        stride: usize,
+    ) -> Option<&'static str> {
+        let pixels = |estimate: &Estimate| match estimate.pose {
+            Some(_) => estimate.sure_pixels.unwrap_or(0),
+            None => 0,
+        };
+        as_it_is.sure_pixels?;
+        let turns = [
+            ("turned upside down", true, true),
+            ("mirrored left to right", true, false),
+            ("mirrored top to bottom", false, true),
+        ];
+        let seen =
+            turns.map(|(name, x, y)| (pixels(&self.estimate(&flipped(depth, x, y), stride)), name));
+        let (most, name) = seen.into_iter().max_by_key(|(pixels, _)| *pixels)?;
+        (most > 2 * pixels(as_it_is)).then_some(name)
     }
 
     /// The pose by the valid pixels of every `stride`-th row and column; `None` when there are none.
@@ -265,6 +344,26 @@ impl Model {
             pixels: chosen.pixels,
         })
     }
+}
+
+/// The share of a presence forest's trees that say that an image shows the robot, 0 to 1.
+fn presence_share(forest: &SegmentationForest, depth: &DepthImage) -> f64 {
+    let padded = PaddedDepth::new(depth, forest.features().reach());
+    let shares = forest.shares(&forest.features().on(&padded), &[centre(&padded, depth)]);
+    f64::from(shares[1])
+}
+
+/// The image with its columns, its rows or both in reverse order.
+fn flipped(depth: &DepthImage, columns: bool, rows: bool) -> DepthImage {
+    let mut flipped = depth.clone();
+    if rows != columns {
+        let lines = flipped.pixels.chunks_exact_mut(depth.width);
+        lines.for_each(<[u16]>::reverse);
+    }
+    if rows {
+        flipped.pixels.reverse();
+    }
+    flipped
 }
 
 /// See [`PoseEstimate::spread`].

@@ -32,6 +32,10 @@ pub struct ModelRecord {
     pub sigma: f64,
     /// The arm is visible when so many pixels surely show it.
     pub least_arm_pixels: usize,
+    /// And when at least this share of the trees of the presence forest say that there is a robot; absent
+    /// without such a forest.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub least_presence: Option<f64>,
     /// The mean pose of the training images: what to say without looking.
     pub mean_pose: Vec<f64>,
     /// The least and the greatest median depth of the training images, of their valid pixels (m).
@@ -114,6 +118,12 @@ impl ModelRecord {
                 self.t_r,
                 1.0 / STEPS as f64
             ));
+        }
+        if self
+            .least_presence
+            .is_some_and(|share| !(0.0..=1.1).contains(&share))
+        {
+            return Err("least_presence must be a share, 0 to 1".to_owned());
         }
         let [low, high] = self.median_depth_m;
         if !(0.0 < low && low <= high && high <= 65.535) {

@@ -1,10 +1,11 @@
 //! Training a model on a data set: first the forest that finds the arm, then the one that estimates its
 //! pose in what the first leaves of the images.
 
-use super::Model;
 use super::record::{FORMAT, JointRecord, ModelRecord, TrainedOn, Unit};
+use super::{Model, presence_share};
 use crate::Progress;
-use crate::dataset::{DataSet, Pixel, draw_pixels};
+use crate::camera::Photographer;
+use crate::dataset::{DataSet, Pixel, SetSpec, Studio, draw_pixels};
 use crate::estimator::error::mean_pose;
 use crate::estimator::segmentation::{least_arm_pixels, segment};
 use crate::feature::{Extra, FeatureSpec};
@@ -18,7 +19,7 @@ use crate::robot::Motion;
 use crate::scene::Rig;
 use crate::training::pose::Samples;
 use crate::training::seen::Seen;
-use crate::training::{Training, TrainingError, segmentation};
+use crate::training::{Training, TrainingError, presence, segmentation};
 use rayon::prelude::*;
 use std::path::Path;
 
@@ -30,8 +31,8 @@ pub struct ModelSpec {
     /// Absent to estimate images as they are.
     pub segmentation: Option<Training>,
     /// Whether to learn what an image without the arm looks like, which the paper does not: half of the
-    /// background's samples are then pixels that a first small forest takes for the arm, and the arm is
-    /// visible when so many pixels surely show it as hardly any image without the robot has.
+    /// background's samples are then pixels that a first small forest takes for the arm, and another forest
+    /// tells whether there is a robot at all.
     pub learn_absence: bool,
     /// The bandwidth of eq. 2.
     pub sigma: f64,
@@ -92,7 +93,11 @@ impl ModelSpec {
             };
             of_halves(training) + scouts
         });
-        halves + self.pose.steps(with_robot)
+        let presence = match self.segmentation.is_some() && self.learn_absence {
+            true => (2 * PRESENCE_IMAGES + CALIBRATION_ROOMS) as u64,
+            false => 0,
+        };
+        halves + presence + self.pose.steps(with_robot)
     }
 }
 
@@ -128,10 +133,6 @@ pub fn train(
         None => None,
     };
     let arm = set.target() + 1;
-    if let Some(halves) = halves.as_ref().filter(|_| spec.learn_absence) {
-        let false_pixels = false_pixels(set, halves)?;
-        record.least_arm_pixels = least_visible(record.least_arm_pixels, false_pixels);
-    }
     let see = |image: usize| {
         let frame = set.frame(image)?;
         let Some(halves) = &halves else {
@@ -165,7 +166,13 @@ pub fn train(
         Some([even, odd]) => Some(even.join(odd)?),
         None => None,
     };
-    Model::new(record, segmentation, pose).map_err(TrainingError::Unsuitable)
+    let mut presence = None;
+    if let Some(segmentation) = segmentation.as_ref().filter(|_| spec.learn_absence) {
+        let (forest, least) = train_presence(set, rig, segmentation, &record, progress)?;
+        record.least_presence = Some(least);
+        presence = Some(forest);
+    }
+    Model::new(record, presence, segmentation, pose).map_err(TrainingError::Unsuitable)
 }
 
 /// Segmentation forests trained on the even and on the odd images.
@@ -234,28 +241,52 @@ fn mistaken(
     (0..set.len()).map(of_image).collect()
 }
 
-/// For each image without the robot, how many pixels the forest of the other half is sure to show the arm.
-fn false_pixels(
-    set: &DataSet,
-    halves: &[SegmentationForest; 2],
-) -> Result<Vec<usize>, TrainingError> {
-    let arm = set.target() + 1;
-    let records = set.record().images.iter().enumerate();
-    let rooms = records.filter(|(_, record)| record.without_robot);
-    rooms
-        .map(|(image, _)| {
-            let depth = set.frame(image)?.depth;
-            Ok(segment(&halves[1 - image % 2], &depth, arm, 1).sure_pixels())
-        })
-        .collect()
-}
+/// New images by which a presence forest is trained, half of them without the robot, and further ones
+/// without it by which its threshold is chosen.
+const PRESENCE_IMAGES: usize = 3000;
+const CALIBRATION_ROOMS: usize = 400;
+/// The share of rooms without the robot in which an arm may be seen.
+const FALSE_ARMS: f64 = 0.01;
 
-/// How many pixels must surely show the arm, so that it is visible: more than any image without it had,
-/// and at least `usual`.
-fn least_visible(usual: usize, false_pixels: Vec<usize>) -> usize {
-    false_pixels
-        .into_iter()
-        .fold(usual, |least, n| least.max(n + 1))
+/// The forest that tells whether there is a robot, and the share of its trees that must say so: at least
+/// half, and so many that of the rooms in which `segmentation` surely finds enough of the arm no more than
+/// [`FALSE_ARMS`] of all rooms pass.
+fn train_presence(
+    set: &DataSet,
+    rig: &Rig,
+    segmentation: &SegmentationForest,
+    record: &ModelRecord,
+    progress: Progress,
+) -> Result<(SegmentationForest, f64), TrainingError> {
+    let of_set = set.record();
+    let spec = |what: &str, without_robot: f64| SetSpec {
+        name: format!("{} ({what})", of_set.name),
+        without_robot,
+        ..of_set.specification.clone()
+    };
+    let both = spec("presence", 0.5);
+    let studio = Studio::new(&both, rig.clone(), of_set.camera)?;
+    let forest = presence::train(&studio, PRESENCE_IMAGES, of_set.seed, progress)?;
+
+    let rooms = spec("rooms", 1.0);
+    let studio = Studio::new(&rooms, rig.clone(), of_set.camera)?;
+    let mut photographer = Photographer::new(&of_set.camera);
+    let mut shares = Vec::new();
+    for image in 0..CALIBRATION_ROOMS {
+        let shot = studio.shoot(image, &mut photographer, of_set.seed)?;
+        let depth = &shot.photo.depth;
+        if segment(segmentation, depth, set.target() + 1, 1).sure_pixels()
+            >= record.least_arm_pixels
+        {
+            shares.push(presence_share(&forest, depth));
+        }
+        progress(1);
+    }
+    shares.sort_by(|a, b| f64::total_cmp(b, a));
+    let allowed = (FALSE_ARMS * CALIBRATION_ROOMS as f64) as usize;
+    let half_a_tree = 0.5 / forest.trees().len() as f64;
+    let least = shares.get(allowed).map_or(0.5, |share| share + half_a_tree);
+    Ok((forest, least.max(0.5)))
 }
 
 /// What is known before anything is trained.
@@ -311,6 +342,7 @@ fn record(
         t_r: spec.t_r,
         sigma: spec.sigma,
         least_arm_pixels: least_arm_pixels(&intrinsics),
+        least_presence: None,
         mean_pose: mean_pose(shown.iter().map(|&image| set.pose(image)), set.circular()),
         median_depth_m: median_depths(set)?,
         robot: robot.to_owned(),

@@ -2,9 +2,10 @@
 //!
 //! Pixels are drawn from every image, their features binned, and trees grown on the bins:
 //! [`pose`] for the forest that estimates, [`segmentation`] for the one that finds the arm first.
-//! [`seen`] is what is left of an image for the first by what the second says.
+//! [`presence`] is the forest that tells whether there is a robot at all. [`seen`] is what is left of an image for the first by what the second says.
 
 pub mod pose;
+pub mod presence;
 pub mod seen;
 pub mod segmentation;
 
