@@ -450,9 +450,94 @@ fn where_there_is_no_arm_none_is_seen() {
     assert!(said.starts_with(&format!("{}: ", text(&image))), "{said}");
     assert!(said.contains(&shown("shoulder", "shoulder_rad")), "{said}");
     assert!(said.contains(&shown("elbow", "elbow_rad")), "{said}");
-    let least = Model::load(&model).unwrap().record().least_arm_pixels;
-    let unseen = format!("\n  the arm is not visible: that takes {least} pixels\n");
+    let share = 100.0 * answer["presence"].as_f64().unwrap();
+    let needed = 100.0
+        * Model::load(&model)
+            .unwrap()
+            .record()
+            .least_presence
+            .unwrap();
+    let unseen = format!(
+        "\n  the arm is not visible: {share:.0} % of the trees see a robot, and it takes {needed:.0} %\n"
+    );
     assert!(said.ends_with(&unseen), "{said}");
+}
+
+/// Rooms without the robot show no arm, new images of the robot do; `evaluate` counts both.
+#[test]
+fn rooms_show_no_arm() {
+    let workshop = Workshop::get();
+    let set = workshop.at("planar.toml");
+    let rooms = workshop.at("rooms.toml");
+    let text_of_set = fs::read_to_string(&set).unwrap();
+    fs::write(&rooms, format!("without_robot = 0.5\n{text_of_set}")).unwrap();
+    let images = workshop.at("rooms");
+    let render = ["dataset", "render", text(&rooms), "-o", text(&images)];
+    says(&[&render[..], &["--images", "200", "--seed", "8"]].concat());
+    let table = workshop.at("rooms.csv");
+    let model = workshop.at("model");
+    let evaluate = ["evaluate", "--model", text(&model), "--data", text(&images)];
+    let said = says(&[&evaluate[..], &["--csv", text(&table)]].concat());
+    let row = said
+        .lines()
+        .find(|line| line.starts_with("there is no robot"))
+        .unwrap();
+    let counts: Vec<usize> = row
+        .split_whitespace()
+        .filter_map(|word| word.parse().ok())
+        .collect();
+    assert_eq!(counts.iter().sum::<usize>(), 100);
+    assert!(counts[0] <= 4, "{said}");
+    let mut reader = csv::Reader::from_path(&table).unwrap();
+    let columns = reader.headers().unwrap().clone();
+    let place = |name: &str| columns.iter().position(|column| column == name).unwrap();
+    let [robot, found, error] = ["robot", "arm_found", "error_tip_mm"].map(place);
+    let mut shown = 0;
+    for row in reader.records() {
+        let row = row.unwrap();
+        // Nothing can be wrong about a pose that is not there.
+        let is_measured = &row[robot] == "1" && &row[found] == "1";
+        assert_eq!(!row[error].is_empty(), is_measured, "{row:?}");
+        shown += usize::from(is_measured);
+    }
+    assert!(shown >= 90, "{shown} of 100 arms are found");
+}
+
+/// The model says so when an image was turned over on its way, or is far from what it learnt from.
+#[test]
+fn images_of_another_view_are_told() {
+    let workshop = Workshop::get();
+    let model = workshop.at("model");
+    let set = DataSet::open(&workshop.at("test")).unwrap();
+    let (mut as_they_are, mut turned) = (0, 0);
+    for image in 0..set.len() {
+        let depth = set.frame(image).unwrap().depth;
+        let mut upside_down = depth.clone();
+        upside_down.pixels.reverse();
+        for (image, warnings) in [(depth, &mut as_they_are), (upside_down, &mut turned)] {
+            let path = workshop.at("turned.png");
+            write_depth(&path, &image).unwrap();
+            let output = armpose(&["estimate", "--model", text(&model), text(&path)]);
+            let said = String::from_utf8_lossy(&output.stderr).into_owned();
+            *warnings += usize::from(said.contains("the arm shows better in the image"));
+        }
+    }
+    assert!(as_they_are <= 1, "{as_they_are} of 10 warnings are false");
+    // The arm turns all round in the image: few of these can tell.
+    assert!(turned >= as_they_are, "{turned}");
+
+    let far = workshop.at("far.png");
+    let image = DepthImage {
+        width: 160,
+        height: 120,
+        pixels: (0..160 * 120).map(|at| 330 + at % 160 / 40).collect(),
+    };
+    write_depth(&far, &image).unwrap();
+    let said = complains(&["estimate", "--model", text(&model), text(&far)]);
+    assert!(
+        said.contains("the median of its depths is 0.33 m"),
+        "{said}"
+    );
 }
 
 /// The camera of the training images reports nothing beyond 5 m.

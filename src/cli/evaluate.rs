@@ -125,7 +125,6 @@ fn per_image(ruler: &Ruler, looked: &[Looked]) -> Table {
         "robot",
         "shown_px",
         "presence",
-        "presence",
         "arm_px",
         "arm_found",
         "confidence",

@@ -271,7 +271,6 @@ impl Model {
             "size of the image"
         );
         let mut left = masked(depth, |at| self.record.range.holds(depth.pixels[at]));
-        let presence = (self.presence.as_ref()).map(|forest| presence_share(forest, &left));
         let mut sure_pixels = None;
         if let Some(forest) = &self.segmentation {
             let found: Segmentation = segment(forest, &left, self.class, stride);
@@ -279,6 +278,7 @@ impl Model {
             left = masked(&left, is_arm);
             sure_pixels = Some(found.sure_pixels());
         }
+        let presence = (self.presence.as_ref()).map(|forest| presence_share(forest, &left));
         let is_there = presence >= self.record.least_presence;
         let is_visible = is_there && sure_pixels.is_none_or(|n| n >= self.record.least_arm_pixels);
         Estimate {
@@ -346,7 +346,8 @@ impl Model {
     }
 }
 
-/// The share of a presence forest's trees that say that an image shows the robot, 0 to 1.
+/// The share of a presence forest's trees that say that an image shows the robot, 0 to 1. `depth` is what
+/// the segmentation leaves of it.
 fn presence_share(forest: &SegmentationForest, depth: &DepthImage) -> f64 {
     let padded = PaddedDepth::new(depth, forest.features().reach());
     let shares = forest.shares(&forest.features().on(&padded), &[centre(&padded, depth)]);

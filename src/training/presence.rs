@@ -2,7 +2,7 @@
 
 use super::{Drawn, TrainingError, bin};
 use crate::Progress;
-use crate::camera::Photographer;
+use crate::camera::{DepthImage, Photographer};
 use crate::dataset::Studio;
 use crate::feature::{DepthFeatures, Extra, FeatureSpec, PaddedDepth};
 use crate::forest::grow::{GrowSpec, TargetTable};
@@ -15,13 +15,15 @@ use std::sync::{Mutex, PoisonError};
 /// The classes of the forest, in the order of their numbers.
 pub const CLASSES: [&str; 2] = ["no robot", "robot"];
 
-/// A forest that looks at an image as a whole: its features (eq. 4) are taken at the centre of the image and
-/// reach everywhere, so that each compares the depths of two fixed places. What lies outside the image
-/// counts as 5 m: a feature that reaches there is a depth itself. It is trained on `images` new images of
-/// the studio, with and without the robot as its specification says; `progress` hears of two units an image.
+/// A forest that looks at what is left of an image as a whole, so that it does not depend on the room: its
+/// features (eq. 4) are taken at the centre of the image and reach everywhere, so that each compares the
+/// depths of two fixed places. What is invalid or outside the image counts as 5 m. It is trained on `images`
+/// new images of the studio, with and without the robot as its specification says, of which `see` leaves
+/// what is taken for the arm; `progress` hears of two units an image.
 pub fn train(
     studio: &Studio,
     images: usize,
+    see: impl Fn(&DepthImage) -> DepthImage + Sync,
     master: u64,
     progress: Progress,
 ) -> Result<SegmentationForest, TrainingError> {
@@ -41,9 +43,10 @@ pub fn train(
         let mut photographer = free.unwrap_or_else(|| Photographer::new(camera));
         let shot = studio.shoot(image, &mut photographer, master)?;
         all().push(photographer);
-        let depth = PaddedDepth::new(&shot.photo.depth, features.reach());
+        let left = see(&shot.photo.depth);
+        let depth = PaddedDepth::new(&left, features.reach());
         Ok::<_, TrainingError>(Drawn {
-            positions: vec![centre(&depth, &shot.photo.depth)],
+            positions: vec![centre(&depth, &left)],
             targets: vec![u16::from(shot.configuration.is_some())],
             depth,
         })
@@ -76,6 +79,6 @@ pub fn train(
 const LARGEST_WINDOW: usize = 2000;
 
 /// Where the centre of an image stands in its padded form.
-pub fn centre(padded: &PaddedDepth, depth: &crate::camera::DepthImage) -> u32 {
+pub fn centre(padded: &PaddedDepth, depth: &DepthImage) -> u32 {
     padded.position(depth.width / 2, depth.height / 2)
 }
