@@ -22,6 +22,7 @@ fn fixtures() -> PathBuf {
 
 fn set(folder: &Path, images: usize) -> DataSet {
     let mut spec = SetSpec::read(&fixtures().join("planar_arm/set.toml")).unwrap();
+    spec.without_robot = 0.0;
     spec.images = images;
     generate(&spec, 1, folder, &|_| {}).unwrap()
 }

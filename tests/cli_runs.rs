@@ -217,7 +217,7 @@ fn a_robot_that_cannot_be_used_is_told_what_is_wrong() {
     let message = repository.mistake(&FIG7);
     assert!(message.contains("robots/arm/arm.urdf: link"), "{message}");
     assert!(
-        message.contains("cannot use mesh \"meshes/wam3.stl\": there is no such file"),
+        message.contains("cannot use mesh \"meshes/wam3.stl\": there is no file "),
         "{message}"
     );
 

@@ -203,7 +203,6 @@ fn mistakes_are_told_in_one_sentence() {
         );
         messages.inspect(&path);
     }
-    messages.of_run(&["robot", "inspect", "x.urdf", "--package", "name"]);
 
     // Rigs and sets.
     let urdf = fs::read_to_string(fixtures().join("robots/planar_arm/arm.urdf")).unwrap();

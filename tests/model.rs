@@ -552,7 +552,7 @@ fn depths_out_of_range_are_as_good_as_none() {
         image
             .pixels
             .iter_mut()
-            .step_by(7)
+            .step_by(97)
             .for_each(|mm| *mm = depth);
         model.estimate(&image, 1)
     };
@@ -568,7 +568,13 @@ fn unusable_models_are_refused() {
     let folder = tempfile::tempdir().unwrap();
     let image = workshop.test_image(0);
     let refused = |file: &str, change: &dyn Fn(&mut Vec<u8>)| {
-        for name in ["model.json", "segmentation.bin", "pose.bin"] {
+        for name in [
+            "model.json",
+            "presence-whole.bin",
+            "presence-arm.bin",
+            "segmentation.bin",
+            "pose.bin",
+        ] {
             fs::copy(workshop.at("model").join(name), folder.path().join(name)).unwrap();
         }
         let path = folder.path().join(file);
@@ -597,7 +603,7 @@ fn unusable_models_are_refused() {
         (refused("segmentation.bin", &|b| b[8] = 9), "version"),
         (refused("model.json", &cut), "model.json: EOF"),
         (
-            refused("model.json", &replaced("\"format\": 1", "\"format\": 7")),
+            refused("model.json", &replaced("\"format\": 2", "\"format\": 7")),
             "the model has format 7",
         ),
         (

@@ -158,15 +158,16 @@ impl DataSet {
                 "camera_from_root is no rigid motion".to_owned(),
             )
         })?;
+        let is_jittered = record.specification.camera_jitter.is_some();
         let jittered = |image: &ImageRecord| match &image.camera_from_root {
-            None => Some(None),
+            None => (!is_jittered).then_some(None),
             Some(rows) => isometry(rows).map(Some),
         };
         let jittered = (record.images.iter())
             .map(jittered)
             .collect::<Option<Vec<_>>>()
             .ok_or_else(|| {
-                let message = "a camera_from_root of the images is no rigid motion";
+                let message = "a camera_from_root of the images is missing or no rigid motion";
                 invalid("set.json", message.to_owned())
             })?;
         let target = record

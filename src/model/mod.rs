@@ -2,8 +2,8 @@
 //!
 //! ```text
 //! model.json         what the model is for and how it came about
-//! presence.bin       the forest that tells whether there is a robot; absent when the training images all
-//!                    showed it
+//! presence-*.bin     the forests that tell whether there is a robot, by the whole image and by what is taken
+//!                    for the arm; absent when the training images all showed it
 //! segmentation.bin   the forest that finds the arm; absent when trained without segmentation
 //! pose.bin           the forest that estimates its pose in what is left
 //! ```
@@ -62,7 +62,7 @@ pub enum ModelFolderError {
 #[derive(Debug, Clone)]
 pub struct Model {
     record: ModelRecord,
-    presence: Option<SegmentationForest>,
+    presence: Option<Presence>,
     segmentation: Option<SegmentationForest>,
     pose: PoseForest,
     camera_from_root: Isometry3<f64>,
@@ -107,7 +107,7 @@ const FAR_FROM_TRAINING: f64 = 3.0;
 const LEAST_COVERED: f64 = 0.9;
 
 const RECORD: &str = "model.json";
-const PRESENCE: &str = "presence.bin";
+const PRESENCE: [&str; 2] = ["presence-whole.bin", "presence-arm.bin"];
 const SEGMENTATION: &str = "segmentation.bin";
 const POSE: &str = "pose.bin";
 
@@ -115,7 +115,7 @@ impl Model {
     /// Joins the parts. Fails with a sentence when they do not fit together.
     fn new(
         record: ModelRecord,
-        presence: Option<SegmentationForest>,
+        presence: Option<Presence>,
         segmentation: Option<SegmentationForest>,
         mut pose: PoseForest,
     ) -> Result<Model, String> {
@@ -123,9 +123,10 @@ impl Model {
         let is_presence = |forest: &SegmentationForest| {
             forest.classes() == CLASSES && forest.features().extra() == Extra::Nothing
         };
-        if !presence.as_ref().is_none_or(is_presence) {
+        let forests = presence.iter().flat_map(|p| [&p.whole, &p.arm]);
+        if let Some((name, _)) = PRESENCE.iter().zip(forests).find(|(_, f)| !is_presence(f)) {
             return Err(format!(
-                "{PRESENCE} does not tell images with the robot from others"
+                "{name} does not tell images with the robot from others"
             ));
         }
         let names = record.joints.iter().map(|joint| &joint.name);
@@ -217,15 +218,11 @@ impl Model {
             record.files.insert(name.to_owned(), hash);
             Ok::<(), ModelFolderError>(())
         };
-        let finders = [
-            (&self.presence, PRESENCE),
-            (&self.segmentation, SEGMENTATION),
-        ];
-        for (forest, name) in finders {
-            if let Some(forest) = forest {
-                forest.save(&folder.join(name))?;
-                note(name)?;
-            }
+        let presences = self.presence.iter().flat_map(|p| [&p.whole, &p.arm]);
+        let finders = PRESENCE.into_iter().zip(presences);
+        for (name, forest) in finders.chain(self.segmentation.iter().map(|f| (SEGMENTATION, f))) {
+            forest.save(&folder.join(name))?;
+            note(name)?;
         }
         self.pose.save(&folder.join(POSE))?;
         note(POSE)?;
@@ -239,15 +236,21 @@ impl Model {
             path: folder.to_owned(),
             message,
         };
-        let finder = |name: &str, is_there: bool| match is_there {
-            true => SegmentationForest::load(&folder.join(name)).map(Some),
-            false => Ok(None),
+        let finder = |name: &str| SegmentationForest::load(&folder.join(name));
+        let presence = match record.least_presence {
+            Some(_) => Some(Presence {
+                whole: finder(PRESENCE[0])?,
+                arm: finder(PRESENCE[1])?,
+            }),
+            None => None,
         };
-        let presence = finder(PRESENCE, record.least_presence.is_some())?;
-        let segmentation = finder(SEGMENTATION, record.segmentation.is_some())?;
+        let segmentation = match record.segmentation {
+            Some(_) => Some(finder(SEGMENTATION)?),
+            None => None,
+        };
         let pose = PoseForest::load(&folder.join(POSE))?;
         // Each forest is whole by now, but it may be that of another model.
-        let presences = presence.iter().map(|_| PRESENCE);
+        let presences = presence.iter().flat_map(|_| PRESENCE);
         let forests = presences
             .chain(segmentation.iter().map(|_| SEGMENTATION))
             .chain([POSE]);
@@ -270,7 +273,8 @@ impl Model {
             (camera.width, camera.height),
             "size of the image"
         );
-        let mut left = masked(depth, |at| self.record.range.holds(depth.pixels[at]));
+        let in_range = masked(depth, |at| self.record.range.holds(depth.pixels[at]));
+        let mut left = in_range.clone();
         let mut sure_pixels = None;
         if let Some(forest) = &self.segmentation {
             let found: Segmentation = segment(forest, &left, self.class, stride);
@@ -278,7 +282,7 @@ impl Model {
             left = masked(&left, is_arm);
             sure_pixels = Some(found.sure_pixels());
         }
-        let presence = (self.presence.as_ref()).map(|forest| presence_share(forest, &left));
+        let presence = (self.presence.as_ref()).map(|forests| forests.share(&in_range, &left));
         let is_there = presence >= self.record.least_presence;
         let is_visible = is_there && sure_pixels.is_none_or(|n| n >= self.record.least_arm_pixels);
         Estimate {
@@ -346,12 +350,26 @@ impl Model {
     }
 }
 
-/// The share of a presence forest's trees that say that an image shows the robot, 0 to 1. `depth` is what
-/// the segmentation leaves of it.
-fn presence_share(forest: &SegmentationForest, depth: &DepthImage) -> f64 {
-    let padded = PaddedDepth::new(depth, forest.features().reach());
-    let shares = forest.shares(&forest.features().on(&padded), &[centre(&padded, depth)]);
-    f64::from(shares[1])
+/// The forests that tell whether an image shows the robot, see [`crate::training::presence`].
+#[derive(Debug, Clone)]
+struct Presence {
+    /// By the whole image: surest where the room is one as in training.
+    whole: SegmentationForest,
+    /// By what the segmentation takes for the arm: whatever the room.
+    arm: SegmentationForest,
+}
+
+impl Presence {
+    /// The share of both forests' trees that say that there is a robot, 0 to 1. `arm` is what the
+    /// segmentation leaves of `whole`.
+    fn share(&self, whole: &DepthImage, arm: &DepthImage) -> f64 {
+        let share = |forest: &SegmentationForest, depth: &DepthImage| {
+            let padded = PaddedDepth::new(depth, forest.features().reach());
+            let image = forest.features().on(&padded);
+            f64::from(forest.shares(&image, &[centre(&padded, depth)])[1])
+        };
+        (share(&self.whole, whole) + share(&self.arm, arm)) / 2.0
+    }
 }
 
 /// The image with its columns, its rows or both in reverse order.

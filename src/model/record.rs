@@ -38,7 +38,8 @@ pub struct ModelRecord {
     pub least_presence: Option<f64>,
     /// The mean pose of the training images: what to say without looking.
     pub mean_pose: Vec<f64>,
-    /// The least and the greatest median depth of the training images, of their valid pixels (m).
+    /// The least and the greatest median depth of the training images of the robot, of their valid pixels
+    /// (m).
     pub median_depth_m: [f64; 2],
     /// The `robot.toml` of the training images, where it was when the model was trained, and the
     /// [fingerprint](crate::scene::Rig::fingerprint) of what it said. Estimates do not need it; pictures

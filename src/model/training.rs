@@ -2,7 +2,7 @@
 //! pose in what the first leaves of the images.
 
 use super::record::{FORMAT, JointRecord, ModelRecord, TrainedOn, Unit};
-use super::{Model, presence_share};
+use super::{Model, Presence};
 use crate::Progress;
 use crate::camera::{DepthImage, Photographer};
 use crate::dataset::{DataSet, Pixel, SetSpec, Studio, draw_pixels};
@@ -94,7 +94,7 @@ impl ModelSpec {
             of_halves(training) + scouts
         });
         let presence = match self.segmentation.is_some() && self.learn_absence {
-            true => (2 * PRESENCE_IMAGES + CALIBRATION_ROOMS) as u64,
+            true => (4 * PRESENCE_IMAGES + CALIBRATION_ROOMS) as u64,
             false => 0,
         };
         halves + presence + self.pose.steps(with_robot)
@@ -168,9 +168,9 @@ pub fn train(
     };
     let mut presence = None;
     if let Some(segmentation) = segmentation.as_ref().filter(|_| spec.learn_absence) {
-        let (forest, least) = train_presence(set, rig, segmentation, &record, progress)?;
+        let (forests, least) = train_presence(set, rig, segmentation, &record, progress)?;
         record.least_presence = Some(least);
-        presence = Some(forest);
+        presence = Some(forests);
     }
     Model::new(record, presence, segmentation, pose).map_err(TrainingError::Unsuitable)
 }
@@ -243,23 +243,26 @@ fn mistaken(
 
 /// New images by which a presence forest is trained, half of them without the robot, and further ones
 /// without it by which its threshold is chosen.
-const PRESENCE_IMAGES: usize = 3000;
+const PRESENCE_IMAGES: usize = 2000;
 const CALIBRATION_ROOMS: usize = 400;
 /// The first are segmented by every second row and column: four times as fast.
 const PRESENCE_STRIDE: usize = 2;
 /// The share of rooms without the robot in which an arm may be seen.
 const FALSE_ARMS: f64 = 0.01;
+/// The least share of the trees that must say that there is a robot, whatever the rooms: real rooms are
+/// stranger than ours.
+const LEAST_PRESENCE: f64 = 0.7;
 
-/// The forest that tells whether there is a robot, and the share of its trees that must say so: at least
-/// half, and so many that of the rooms in which `segmentation` surely finds enough of the arm no more than
-/// [`FALSE_ARMS`] of all rooms pass.
+/// The forests that tell whether there is a robot, and the share of their trees that must say so: at least
+/// [`LEAST_PRESENCE`], and so many that of the rooms in which `segmentation` surely finds enough of the arm
+/// no more than [`FALSE_ARMS`] of all rooms pass.
 fn train_presence(
     set: &DataSet,
     rig: &Rig,
     segmentation: &SegmentationForest,
     record: &ModelRecord,
     progress: Progress,
-) -> Result<(SegmentationForest, f64), TrainingError> {
+) -> Result<(Presence, f64), TrainingError> {
     let of_set = set.record();
     let spec = |what: &str, without_robot: f64| SetSpec {
         name: format!("{} ({what})", of_set.name),
@@ -269,11 +272,19 @@ fn train_presence(
     let both = spec("presence", 0.5);
     let studio = Studio::new(&both, rig.clone(), of_set.camera)?;
     let arm = set.target() + 1;
-    let see = |depth: &DepthImage| {
-        let found = segment(segmentation, depth, arm, PRESENCE_STRIDE).classes;
-        masked(depth, |at| usize::from(found.pixels[at]) == arm)
+    let left_by = |stride: usize| {
+        move |depth: &DepthImage| {
+            let found = segment(segmentation, depth, arm, stride).classes;
+            masked(depth, |at| usize::from(found.pixels[at]) == arm)
+        }
     };
-    let forest = presence::train(&studio, PRESENCE_IMAGES, see, of_set.seed, progress)?;
+    let train = |see: &(dyn Fn(&DepthImage) -> DepthImage + Sync)| {
+        presence::train(&studio, PRESENCE_IMAGES, see, of_set.seed, progress)
+    };
+    let forests = Presence {
+        whole: train(&DepthImage::clone)?,
+        arm: train(&left_by(PRESENCE_STRIDE))?,
+    };
 
     let rooms = spec("rooms", 1.0);
     let studio = Studio::new(&rooms, rig.clone(), of_set.camera)?;
@@ -285,15 +296,15 @@ fn train_presence(
         let found = segment(segmentation, depth, arm, 1);
         if found.sure_pixels() >= record.least_arm_pixels {
             let left = masked(depth, |at| usize::from(found.classes.pixels[at]) == arm);
-            shares.push(presence_share(&forest, &left));
+            shares.push(forests.share(depth, &left));
         }
         progress(1);
     }
     shares.sort_by(|a, b| f64::total_cmp(b, a));
     let allowed = (FALSE_ARMS * CALIBRATION_ROOMS as f64) as usize;
-    let half_a_tree = 0.5 / forest.trees().len() as f64;
-    let least = shares.get(allowed).map_or(0.5, |share| share + half_a_tree);
-    Ok((forest, least.max(0.5)))
+    let a_little = 1e-3;
+    let least = shares.get(allowed).map_or(0.0, |share| share + a_little);
+    Ok((forests, least.max(LEAST_PRESENCE)))
 }
 
 /// What is known before anything is trained.
@@ -367,10 +378,11 @@ fn record(
     })
 }
 
-/// The least and the greatest median depth of the images (m), of their valid pixels.
+/// The least and the greatest median depth of the images of the robot (m), of their valid pixels.
 fn median_depths(set: &DataSet) -> Result<[f64; 2], TrainingError> {
     let median = |image| Ok(set.frame(image)?.depth.median_mm());
-    let medians: Vec<Option<u16>> = (0..set.len())
+    let medians: Vec<Option<u16>> = set
+        .images_with_robot()
         .into_par_iter()
         .map(median)
         .collect::<Result<_, TrainingError>>()?;

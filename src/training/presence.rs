@@ -15,11 +15,10 @@ use std::sync::{Mutex, PoisonError};
 /// The classes of the forest, in the order of their numbers.
 pub const CLASSES: [&str; 2] = ["no robot", "robot"];
 
-/// A forest that looks at what is left of an image as a whole, so that it does not depend on the room: its
-/// features (eq. 4) are taken at the centre of the image and reach everywhere, so that each compares the
-/// depths of two fixed places. What is invalid or outside the image counts as 5 m. It is trained on `images`
-/// new images of the studio, with and without the robot as its specification says, of which `see` leaves
-/// what is taken for the arm; `progress` hears of two units an image.
+/// A forest that looks at an image as a whole: its features (eq. 4) are taken at the centre of the image and
+/// reach everywhere, so that each compares the depths of two fixed places. What is invalid or outside the
+/// image counts as 5 m. It is trained on `images` new images of the studio, with and without the robot as
+/// its specification says, each as `see` leaves it; `progress` hears of two units an image.
 pub fn train(
     studio: &Studio,
     images: usize,
