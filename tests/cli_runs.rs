@@ -250,7 +250,7 @@ fn a_robot_that_cannot_be_used_is_told_what_is_wrong() {
     }
     fs::write(repository.path(mesh), stl).unwrap();
     let message = repository.mistake(&FIG7);
-    assert!(message.contains("looks like millimetres"), "{message}");
+    assert!(message.contains("is in millimetres"), "{message}");
     assert!(message.contains("scale=\"0.001 0.001 0.001\""), "{message}");
 }
 

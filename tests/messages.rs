@@ -322,8 +322,7 @@ fn mistakes_are_told_in_one_sentence() {
         "--model",
         "full",
         "depth.png",
-        "--depth-scale",
-        "-1",
+        "--depth-scale=-1",
     ]);
     messages.write("old/model.json", "{\"format\": 1}");
     messages.of_run(&["estimate", "--model", "old", "depth.png"]);

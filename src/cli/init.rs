@@ -247,14 +247,13 @@ fn set_toml(robot: &Robot, arm: &Limb, camera: &Camera, view: &Viewpoint) -> Str
     let floor = (100.0 * lowest.min(camera_z - 0.2)).floor() / 100.0;
     let height = (camera_z - floor + 0.5).max(2.4);
     let behind = view.distance + view.reach;
-    let mut text = format!(
-        "# The images to learn from. `armpose dataset render --help` tells of all that can be said here.\n\
+    let mut text = "# The images to learn from. `armpose dataset render --help` tells of all that can be said here.\n\
          images = 500\nrobot = \"robot.toml\"\ncamera = \"camera.toml\"\ntarget = \"arm\"\n\n\
          # How surely the camera is where robot.toml says.\n\
          [camera_jitter]\ntranslation_m = 0.02\nrotation_deg = 1.0\n\n\
          # Joints are drawn between their limits, or within these ranges. The narrower, the better the\n\
          # estimates: name here what your robot really does, in rad and m.\n[poses.ranges]\n"
-    );
+        .to_owned();
     let ranges = ranges(robot, arm);
     for &joint in &arm.joints {
         let joint = &robot.joints[joint];

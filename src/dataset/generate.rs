@@ -34,7 +34,7 @@ pub fn generate(
 
 fn write_error(path: &Path) -> impl FnOnce(std::io::Error) -> DataSetError {
     let path = path.to_owned();
-    move |source| DataSetError::Write { path, source }
+    move |cause| DataSetError::Write { path, cause }
 }
 
 /// Makes the folders of a data set. Whatever is there already belongs to somebody.

@@ -56,9 +56,9 @@ pub fn portrait(robot: &Robot, configuration: &[f64], path: &Path) -> Result<(),
     let drawing = Photographer::new(&camera).draw(&bodies);
     let pixels = (0..WIDTH * HEIGHT).flat_map(|pixel| colour(&drawing, &camera.intrinsics, pixel));
     let pixels: Vec<u8> = pixels.collect();
-    write_rgb(path, WIDTH, HEIGHT, &pixels).map_err(|source| DataSetError::Write {
+    write_rgb(path, WIDTH, HEIGHT, &pixels).map_err(|cause| DataSetError::Write {
         path: path.to_owned(),
-        source,
+        cause,
     })
 }
 

@@ -155,9 +155,9 @@ impl SetRecord {
 }
 
 pub(super) fn write_json<T: Serialize>(path: &Path, value: &T) -> Result<(), DataSetError> {
-    let failed = |source: std::io::Error| DataSetError::Write {
+    let failed = |cause: std::io::Error| DataSetError::Write {
         path: path.to_owned(),
-        source,
+        cause,
     };
     let mut text = serde_json::to_string_pretty(value).map_err(|e| failed(e.into()))?;
     text.push('\n');
@@ -165,9 +165,9 @@ pub(super) fn write_json<T: Serialize>(path: &Path, value: &T) -> Result<(), Dat
 }
 
 pub(super) fn read_json<T: DeserializeOwned>(path: &Path) -> Result<T, DataSetError> {
-    let text = std::fs::read_to_string(path).map_err(|source| DataSetError::Read {
+    let text = std::fs::read_to_string(path).map_err(|cause| DataSetError::Read {
         path: path.to_owned(),
-        source,
+        cause,
     })?;
     serde_json::from_str(&text).map_err(|e| DataSetError::Invalid {
         path: path.to_owned(),
@@ -177,9 +177,9 @@ pub(super) fn read_json<T: DeserializeOwned>(path: &Path) -> Result<T, DataSetEr
 
 /// BLAKE3 of a file.
 pub(super) fn hash(path: &Path) -> Result<String, DataSetError> {
-    let bytes = std::fs::read(path).map_err(|source| DataSetError::Read {
+    let bytes = std::fs::read(path).map_err(|cause| DataSetError::Read {
         path: path.to_owned(),
-        source,
+        cause,
     })?;
     Ok(blake3::hash(&bytes).to_hex().to_string())
 }

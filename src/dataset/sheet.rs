@@ -60,9 +60,9 @@ pub fn contact_sheet(
             }
         }
     }
-    write_rgb(path, width, height, &sheet).map_err(|source| DataSetError::Write {
+    write_rgb(path, width, height, &sheet).map_err(|cause| DataSetError::Write {
         path: path.to_owned(),
-        source,
+        cause,
     })
 }
 

@@ -32,15 +32,15 @@ const HASH: usize = 32;
 /// A model file that cannot be written or used.
 #[derive(Debug, thiserror::Error)]
 pub enum ModelError {
-    #[error("cannot write the model {path}: {source}", path = path.display())]
+    #[error("cannot write the model {path}: {cause}", path = path.display())]
     Write {
         path: PathBuf,
-        source: std::io::Error,
+        cause: std::io::Error,
     },
-    #[error("cannot read the model {path}: {source}", path = path.display())]
+    #[error("cannot read the model {path}: {cause}", path = path.display())]
     Read {
         path: PathBuf,
-        source: std::io::Error,
+        cause: std::io::Error,
     },
     #[error("{path} is not a usable model: {fault}", path = path.display())]
     Unusable { path: PathBuf, fault: Fault },
@@ -61,8 +61,8 @@ pub enum Fault {
     Trailing(usize),
     #[error("its header is for something else: {0}")]
     Header(#[from] serde_json::Error),
-    #[error("tree {tree}: {source}")]
-    Tree { tree: usize, source: TreeError },
+    #[error("tree {tree}: {cause}")]
+    Tree { tree: usize, cause: TreeError },
 }
 
 /// Writes a model at one stroke: whoever reads `path` sees the old file or the new one.
@@ -72,9 +72,9 @@ pub fn write<H: Serialize>(
     trees: &[Tree],
     leaves: &[LeafTable],
 ) -> Result<(), ModelError> {
-    let failed = |source: std::io::Error| ModelError::Write {
+    let failed = |cause: std::io::Error| ModelError::Write {
         path: path.to_owned(),
-        source,
+        cause,
     };
     let bytes = encode(header, trees, leaves).map_err(|e| failed(e.into()))?;
     let mut name = path.file_name().unwrap_or_default().to_owned();
@@ -96,9 +96,9 @@ pub fn read<H: DeserializeOwned>(
     path: &Path,
     features: impl Fn(&H) -> usize,
 ) -> Result<(H, Vec<Tree>, Vec<LeafTable>), ModelError> {
-    let bytes = std::fs::read(path).map_err(|source| ModelError::Read {
+    let bytes = std::fs::read(path).map_err(|cause| ModelError::Read {
         path: path.to_owned(),
-        source,
+        cause,
     })?;
     decode(&bytes, features).map_err(|fault| ModelError::Unusable {
         path: path.to_owned(),
@@ -201,7 +201,7 @@ impl<'a> Part<'a> {
             threshold: i16::from_le_bytes([t0, t1]),
             child: u32::from_le_bytes([c0, c1, c2, c3]),
         });
-        let nodes = Tree::new(nodes, features).map_err(|source| Fault::Tree { tree, source })?;
+        let nodes = Tree::new(nodes, features).map_err(|cause| Fault::Tree { tree, cause })?;
         let values = numbers(self.values, f32::from_le_bytes);
         let table = LeafTable::new(width, values, numbers(self.impurities, f64::from_le_bytes))?;
         if table.leaves() != nodes.leaves() {

@@ -36,15 +36,15 @@ use std::path::{Path, PathBuf};
 pub enum ModelFolderError {
     #[error("{path} exists already; choose another name or remove it", path = path.display())]
     Exists { path: PathBuf },
-    #[error("cannot write {path}: {source}", path = path.display())]
+    #[error("cannot write {path}: {cause}", path = path.display())]
     Write {
         path: PathBuf,
-        source: std::io::Error,
+        cause: std::io::Error,
     },
-    #[error("cannot read {path}: {source}", path = path.display())]
+    #[error("cannot read {path}: {cause}", path = path.display())]
     Read {
         path: PathBuf,
-        source: std::io::Error,
+        cause: std::io::Error,
     },
     #[error("{path}: {message}", path = path.display())]
     Invalid { path: PathBuf, message: String },
@@ -192,9 +192,9 @@ impl Model {
         if folder.exists() {
             return Err(ModelFolderError::Exists { path: path() });
         }
-        let failed = |source| ModelFolderError::Write {
+        let failed = |cause| ModelFolderError::Write {
             path: path(),
-            source,
+            cause,
         };
         let mut name = folder.file_name().unwrap_or_default().to_owned();
         name.push(format!(".{}.tmp", std::process::id()));
@@ -404,9 +404,9 @@ fn spread(look: &Look, estimate: &ImageEstimate, step: usize) -> Vec<f64> {
 
 /// BLAKE3 of a file, in hexadecimal.
 fn hash(path: &Path) -> Result<String, ModelFolderError> {
-    let bytes = std::fs::read(path).map_err(|source| ModelFolderError::Read {
+    let bytes = std::fs::read(path).map_err(|cause| ModelFolderError::Read {
         path: path.to_owned(),
-        source,
+        cause,
     })?;
     Ok(blake3::hash(&bytes).to_hex().to_string())
 }

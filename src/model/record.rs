@@ -140,9 +140,9 @@ impl ModelRecord {
     }
 
     pub(super) fn read(path: &Path) -> Result<ModelRecord, ModelFolderError> {
-        let text = std::fs::read_to_string(path).map_err(|source| ModelFolderError::Read {
+        let text = std::fs::read_to_string(path).map_err(|cause| ModelFolderError::Read {
             path: path.to_owned(),
-            source,
+            cause,
         })?;
         let invalid = |message: String| ModelFolderError::Invalid {
             path: path.to_owned(),
@@ -169,9 +169,9 @@ impl ModelRecord {
     }
 
     pub(super) fn write(&self, path: &Path) -> Result<(), ModelFolderError> {
-        let failed = |source: std::io::Error| ModelFolderError::Write {
+        let failed = |cause: std::io::Error| ModelFolderError::Write {
             path: path.to_owned(),
-            source,
+            cause,
         };
         let mut text = serde_json::to_string_pretty(self).map_err(|e| failed(e.into()))?;
         text.push('\n');
