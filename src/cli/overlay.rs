@@ -161,8 +161,9 @@ impl<'a> Overlays<'a> {
                 texts.collect::<Vec<_>>().join(", ")
             }
         };
+        let picture = enlarged(picture);
         let figure = Figure {
-            title: format!("{name}: {legend}"),
+            title: format!("{}: {legend}", shortened(name)),
             caption,
             size: (picture.width as u32 + 60, picture.height as u32 + 220),
             panels: vec![Panel::Picture(PicturePanel {
@@ -174,5 +175,32 @@ impl<'a> Overlays<'a> {
         let path = self.folder.join(format!("{name}.png"));
         std::fs::write(&path, figure.png()?)
             .with_context(|| format!("cannot write {}", path.display()))
+    }
+}
+
+/// Small pictures are shown larger by a whole number, so that title and joints fit below and above.
+fn enlarged(picture: Picture) -> Picture {
+    const LEAST_WIDTH: usize = 600;
+    let times = LEAST_WIDTH.div_ceil(picture.width.max(1));
+    let (width, height) = (picture.width * times, picture.height * times);
+    let pixel = |at: usize| picture.pixels[at / width / times * picture.width + at % width / times];
+    Image {
+        width,
+        height,
+        pixels: (0..width * height).map(pixel).collect(),
+    }
+}
+
+/// The end of a name that is too long for a title.
+fn shortened(name: &str) -> String {
+    const LONGEST: usize = 24;
+    let letters: Vec<char> = name.chars().collect();
+    match letters.len() <= LONGEST {
+        true => name.to_owned(),
+        false => letters[letters.len() - LONGEST + 1..]
+            .iter()
+            .fold("\u{2026}".to_owned(), |text, letter| {
+                text + &letter.to_string()
+            }),
     }
 }
